@@ -176,7 +176,7 @@ def test_a_flood_of_bad_commands_is_answered_one_by_one_and_explained_a_few_time
         (473_977_420, 85_455_940, NAN),
     ],
 )
-def test_only_a_place_that_could_be_meant_is_flown_to(flying, x, y, z):
+def test_reposition_flies_only_to_a_plausible_place(flying, x, y, z):
     """C4. Without a height: the one it has."""
     message = mavlink.MAVLink_command_int_message(
         flying.at.system_id, 1, 6, 192, 0, 0, 3.0, 1, 0, NAN, x, y, z

@@ -42,7 +42,7 @@ def test_garbage_costs_nothing_and_the_next_good_frame_is_read(flying):
     assert flying.mode() == OFFBOARD
 
 
-def test_one_who_sends_garbage_costs_another_nothing(flying):
+def test_garbage_of_one_client_costs_another_nothing(flying):
     """P2: a parser's state is nobody else's."""
     stranger = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
     for k in range(20):
@@ -93,7 +93,7 @@ def test_three_hundred_strangers_are_not_sent_telemetry(flying):
     proven.close()
 
 
-def test_who_is_there_is_not_pushed_out_by_nine_who_come(flight):
+def test_nine_newcomers_push_out_no_client_that_beats(flight):
     """P13: heartbeats from nine more ports than there are places."""
     beat = mavlink.MAVLink_heartbeat_message(6, 8, 0, 0, 4, 3).pack(flight.mav)
     to = ("127.0.0.1", flight.at.fcu_script)
@@ -115,7 +115,7 @@ def test_who_is_there_is_not_pushed_out_by_nine_who_come(flight):
         each.close()
 
 
-def test_nothing_that_is_asked_for_is_kept(flight):
+def test_requests_leave_no_memory_behind(flight):
     """Thousands of ticks, messages and answers: the process does not grow."""
 
     def churn(n):

@@ -108,7 +108,7 @@ LIES = {
 
 
 @pytest.mark.parametrize("datagrams", LIES.values(), ids=LIES.keys())
-def test_lies_are_refused(publisher, connected, capfd, datagrams):
+def test_false_reports_are_refused(publisher, connected, capfd, datagrams):
     honest = connected(HELLO.replace(b"fcu", b"plant") + b" ", bytes(8 * size(PlantRow)))
     publisher.pass_on()
     liar = connected(*datagrams)
@@ -140,7 +140,7 @@ def test_a_second_of_a_kind_is_refused(publisher, connected, capfd):
     assert publisher.published["fcu"] == 1
 
 
-def test_who_says_nothing_is_hung_up_on(publisher, connected, monkeypatch):
+def test_a_silent_connection_is_hung_up_on(publisher, connected, monkeypatch):
     now = [time.monotonic()]
     monkeypatch.setattr(time, "monotonic", lambda: now[0])
     silent = connected()

@@ -19,7 +19,7 @@ from tests.process.conftest import claimed_instance
 
 
 @BOTH
-def test_recorded_twice(recorded, record, instance, quiet, speed):
+def test_a_flight_is_recorded_by_two_listeners(recorded, record, instance, quiet, speed):
     second = record(instance)
     second.waits()
     flight, recorder = recorded(*speed)
@@ -57,7 +57,7 @@ def test_a_port_that_is_taken(fly, quiet, instance):
         ),
     ],
 )
-def test_no_zenoh(fly, quiet, instance, tmp_path, config, why):
+def test_recorder_says_that_zenoh_is_missing(fly, quiet, instance, tmp_path, config, why):
     file = tmp_path / "zenoh.json5"
     file.write_text(config if isinstance(config, str) else json.dumps(config))
     flight = fly(instance, "--zenoh", file)

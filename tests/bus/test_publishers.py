@@ -68,7 +68,7 @@ def test_a_publisher_that_is_suspended_for_a_while(recorded, quiet):
 
 
 @pytest.mark.alone  # a publisher waits a second of the wall's clock for who has waited for it
-def test_who_has_waited_for_a_publisher_has_the_first_tick(start, record, instance):
+def test_waiting_for_a_publisher_gives_the_first_tick(start, record, instance):
     recorder = record(instance)
     recorder.waits()
     publisher = start("gcs_tools", "publish", "--instance", instance)

@@ -108,7 +108,7 @@ def test_a_campaign_that_cannot_be_flown_is_said(make, head, said):
     assert said in str(error.value)
 
 
-def test_of_a_grid_nothing_is_expected(make):
+def test_a_grid_takes_no_expectations(make):
     with pytest.raises(CampaignError, match="no sample"):
         make(
             'method = "grid"\nflights = 3\nexpect = { success = { at_least = 0.9 } }',
@@ -241,7 +241,7 @@ def test_a_campaign_is_called_as_its_file_whatever_it_draws(make):
 
 
 @pytest.mark.parametrize("key", ["wind.amplitude_m_s", "plant.delay_s", "wind.steady_m_s[1]"])
-def test_nothing_cannot_be_multiplied(make, key):
+def test_a_relative_draw_of_a_zero_is_refused(make, key):
     with pytest.raises(CampaignError, match="which is 0"):
         make(draw=f'"{key}" = {{ uniform = [0.5, 2.0], relative = true }}\n')
     make(draw='"wind.steady_m_s" = { uniform = [0.5, 2.0], relative = true }\n')  # [2, 0, 0]

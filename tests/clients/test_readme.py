@@ -22,7 +22,7 @@ def test_the_pymavlink_script_is_short():
 
 
 @pytest.mark.parametrize("name", ["pymavlink", "mavsdk"])
-def test_it_flies_and_lands(vehicle, run, tmp_path, name):
+def test_the_pymavlink_script_flies_and_lands(vehicle, run, tmp_path, name):
     up = vehicle("--speed", "4")
     script = tmp_path / "script.py"
     script.write_text(SCRIPTS[name].replace("14540", str(up.ports.script)))

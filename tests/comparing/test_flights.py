@@ -62,7 +62,7 @@ def test_chunks_are_whole_and_in_order(n):
     assert max(chunks) <= min(n or 64, 50)
 
 
-def test_nothing_asked_is_nothing_found():
+def test_no_flights_give_no_results():
     assert list(chunked(list, [])) == []
     assert fly([]) == []
 

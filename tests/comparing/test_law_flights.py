@@ -60,7 +60,7 @@ def test_drawn_flights_have_the_bits_of_each_by_itself():
 
 
 @pytest.mark.slow
-def test_in_four_lanes_too():
+def test_four_lanes_fly_as_one():
     scenes = [lanes_check.sampled_scenario(i, SEED, 1.5) for i in range(3 * DRAWN)]
     alike = [s for s in scenes if s.settings == scenes[0].settings]  # one law is compiled for it
     flown = law_flights.fly(alike, width=4, in_all=law_flights.ALWAYS)
@@ -125,7 +125,7 @@ def test_branches_that_not_all_lanes_take_are_flown_one_by_one(monkeypatch):
         same(one, each)
 
 
-def test_one_alone_flies_by_itself(scene):
+def test_a_flight_without_a_group_flies_by_itself(scene):
     (one,) = fly([scene])
     assert not one.in_lanes
     same(one, scene)
@@ -146,7 +146,7 @@ def test_flights_end_in_their_own_time(scene):
         same(one, each)
 
 
-def test_one_that_falls_on_the_ground(scene):
+def test_a_fall_to_the_ground_ends_its_lane_alone(scene):
     scenes = varied(scene, 3)
     params = scenes[1].world.params
     roof = scenes[1].world.start.r_E.z - params.ground.gear - 0.5
@@ -276,7 +276,7 @@ def test_lanes_that_are_compiled_fly_any_flights(scene, compiled):
     assert len(list(law_flights.groups(scenes))) == 1
 
 
-def test_whoever_waits_for_no_lanes_is_still_told_of_what_is_compiled(scene, tmp_path, monkeypatch):
+def test_compiling_is_told_where_lanes_are_not_waited_for(scene, tmp_path, monkeypatch):
     """Asking whether they are there is no word to the user."""
     monkeypatch.setattr(law_flights, "_ready", set())
     monkeypatch.setattr(cache, "_told", set())

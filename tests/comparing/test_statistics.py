@@ -29,7 +29,7 @@ def test_intervals_cover_the_truth_about_as_often_as_they_say():
 
 
 @pytest.mark.parametrize("n", [3, 5])
-def test_of_few_flights_they_do_too(n):
+def test_an_interval_of_few_flights_covers_the_mean_too(n):
     """A percentile bootstrap covers 77 of 100 with three, 83 with five."""
     random = np.random.default_rng(4)
     found = [mean(random.normal(1.0, 0.3, n).tolist()) for _ in range(400)]

@@ -36,7 +36,7 @@ def run(tmp_path_factory):
     return folder
 
 
-def test_it_flies_a_mission_with_a_verdict(run):
+def test_a_foreign_controller_flies_a_mission_with_a_verdict(run):
     found = result.read(run / "result.json")
     assert found.passed and found.ended == "time" and found.controller.startswith(sys.executable)
     assert {each.name for each in found.expectations} == {
@@ -68,7 +68,7 @@ def test_the_truth_and_what_was_asked_are_recorded_and_nothing_else(run):
     assert result.trajectory_sha256(truth) == result.read(run / "result.json").trajectory_sha256
 
 
-def test_it_is_drawn_compared_and_shown(run, tmp_path):
+def test_its_flight_is_drawn_compared_and_shown(run, tmp_path):
     done = gcs("plot", run, "--out", tmp_path, "--json")
     assert done.exit_code == 0
     drawn = json.loads(done.stdout)
@@ -150,7 +150,7 @@ setpoint_error_max_m = 1.0
     assert moved.max() > 1.0
 
 
-def test_it_gets_the_airframe_of_the_mission(tmp_path):
+def test_the_airframe_of_the_mission_reaches_the_controller(tmp_path):
     """Four rotors of twice the thrust each, in a file of one's own: the same controller flies them."""
     quad = find("s1000").read_text()
     for key, value in {

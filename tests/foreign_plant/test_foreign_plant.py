@@ -39,7 +39,7 @@ def begin(program: Path, tmp_path: Path) -> Iterator[Callable[..., Flight]]:
             flight.close()
 
 
-def test_it_takes_off_flies_to_a_point_in_turning_wind_and_lands(
+def test_a_foreign_plant_flies_to_a_point_in_turning_wind_and_lands(
     begin: Callable[..., Flight],
 ) -> None:
     flight = begin(**TURNING)
@@ -63,7 +63,7 @@ def test_it_takes_off_flies_to_a_point_in_turning_wind_and_lands(
     assert (verdict["fcu_exit"], verdict["plant_exit"]) == (0, 0)
 
 
-def test_it_flies_the_same_to_the_bit_again_after_a_reset(begin: Callable[..., Flight]) -> None:
+def test_a_foreign_plant_flies_the_same_bits_after_a_reset(begin: Callable[..., Flight]) -> None:
     flight = begin(wind="gust", seed=3, **{"wind-max": 4.0, "wind-period": 1.0})
     truths = []
     for _ in range(2):

@@ -18,7 +18,7 @@ from gcs_tools.judging.envelope import arrives_s
 STILL = "wind.amplitude_m_s=[0,0,0]"
 
 
-def test_it_grows_with_way_speed_and_acceleration(settings_of):
+def test_arrival_time_grows_with_way_speed_and_acceleration(settings_of):
     law, params = settings_of(f_m=2.0, gamma=2000.0)
     times = [
         float(arrival.at_most_s(params, law, *start, 0.0, 0.0))
@@ -35,7 +35,7 @@ def test_it_grows_with_way_speed_and_acceleration(settings_of):
     assert arrival.at_most_s(params, slower, 10.0, 0.0, 0.0, 0.0, 0.0, 0.0) > times[1]
 
 
-def test_nothing_to_fly_takes_what_the_reference_model_needs_to_settle(settings_of):
+def test_a_way_of_no_length_takes_the_settling_time_of_the_reference(settings_of):
     law, params = settings_of(f_m=2.0, gamma=2000.0)
     assert 0.0 < arrival.at_most_s(params, law, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0) < 30.0
 
@@ -43,7 +43,7 @@ def test_nothing_to_fly_takes_what_the_reference_model_needs_to_settle(settings_
 @pytest.mark.parametrize("wind", [STILL, "wind.steady_m_s=[0,0,11]", "wind.steady_m_s=[-11,0,0]"])
 @pytest.mark.parametrize("far", [0.5, 5.0, 30.0])
 @pytest.mark.parametrize("way", [(1.0, 0.0, 0.0), (0.0, 0.0, -1.0)])
-def test_flights_keep_it(wind, far, way):
+def test_flights_keep_the_arrival_time(wind, far, way):
     to = [far * x for x in way]
     at = f"flight.setpoints=[{{at_s=0.0,position_m={to}}}]"
     room = ("flight.duration_s=40", "flight.ground_z_m=-100", "flight.arena_m=100")

@@ -44,7 +44,7 @@ def test_with_room_the_setpoint_passes_to_the_bit(settings_of, hover, fixed):
     assert (a_m, governed) == ((0.1, 0.0, 0.05), 0.0)
 
 
-def test_who_is_warned_flies_whatever_is_asked(settings_of, hover, fixed):
+def test_a_guard_that_warns_flies_any_setpoint(settings_of, hover, fixed):
     settings, far = settings_of(guard="warn"), fixed((400.0, 0.0, -700.0))
     given, _, governed = governed_from(settings, at_rest(hover), THERE, far)
     assert (given, governed) == (far, 0.0)
@@ -54,7 +54,7 @@ def test_who_is_warned_flies_whatever_is_asked(settings_of, hover, fixed):
     assert (yaw, rate, limited) == (2.0, 0.0, 0.0)
 
 
-def test_who_refuses_flies_what_is_left_no_faster_than_the_rotors_turn(settings_of, hover, fixed):
+def test_a_guard_that_refuses_flies_no_faster_than_the_rotors_turn(settings_of, hover, fixed):
     settings, near = settings_of(guard="refuse"), fixed((2.0, 0.0, 0.0), psi=2.0)
     j = wrench.jerk_ahead(settings.guard, settings.law, 0.0)
     given, a_m, governed = governed_from(settings, at_rest(hover), THERE, near)

@@ -97,7 +97,7 @@ def test_white_noise_moves_the_demand_as_foretold(part, delay_s):
     ],
     ids=str,
 )
-def test_so_it_does_with_other_gains_and_rates_and_where_the_air_rises(chosen):
+def test_white_noise_moves_the_demand_as_foretold_with_other_settings_too(chosen):
     scene = hover(40.0, **chosen)
     white = np.random.default_rng(1).normal(size=(scene.ticks, 12)) * np.repeat(AMOUNTS, 3)
     flown = demanded(scene, white, scene.ticks // 2)

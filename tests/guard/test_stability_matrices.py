@@ -226,7 +226,7 @@ def test_leakage_shows_in_none_of_them(settings_of, channel):
 
 @pytest.mark.parametrize("ticks", [1, 3])
 @pytest.mark.parametrize("channel", CHANNELS)
-def test_so_they_are_with_what_is_measured_late(settings_of, channel, ticks):
+def test_matrices_are_law_and_vehicle_linearised_with_delay_too(settings_of, channel, ticks):
     is_linearised(settings_of, channel, CHOICES[2], OFF[1], ticks)
 
 

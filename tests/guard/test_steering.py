@@ -261,7 +261,7 @@ def test_a_plan_of_who_refuses_turns_no_faster_than_its_own_braking_leaves(setti
     assert pace.jerk < wrench.jerk_ahead(guard, law, 0.0)
 
 
-def test_who_refuses_turns_slower_on_the_way_down(settings_of):
+def test_a_guard_that_refuses_turns_slower_on_the_way_down(settings_of):
     """In the look ahead and in flight alike: of the acceleration that the reference has."""
     law, guard = settings_of(guard="refuse", c_angle=7.0, c_rate=14.0)
     down, _ = foreseen.fastest(guard, law, Vec3(0.0, 0.0, -1.0))

@@ -53,7 +53,7 @@ def test_what_it_states_is_flown_again_by_the_mission_that_it_writes(tmp_path):
         assert room.min() == pytest.approx(row["room_n"], abs=1e-3)
 
 
-def test_it_prints_a_row_for_each_limit_and_part(tmp_path):
+def test_the_table_has_a_row_for_each_limit_and_part(tmp_path):
     (tmp_path / "x.toml").write_text(MISSION)
     done = run(tmp_path / "x.toml", "--worst-wind", "--parts", 2)
     for limit in LIMITS:

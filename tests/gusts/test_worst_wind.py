@@ -49,7 +49,7 @@ def test_what_is_foretold_of_a_small_change_is_flown(hover, weakest, limit):
     assert flown == pytest.approx(foretold, rel=0.03)
 
 
-def test_it_is_worse_than_fifty_that_are_drawn_and_within_what_is_believed(hover, weakest):
+def test_the_worst_wind_is_worse_than_fifty_drawn_and_within_belief(hover, weakest):
     bounds, part = bounds_of(hover), parts_of(hover, 1)[0]
     t = np.arange(hover.ticks) / hover.rate_hz
     steady = begin(hover, weakest, "steady", air.steady(np.array([1.0, 0.0, 0.0]), bounds, t))

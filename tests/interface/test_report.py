@@ -58,7 +58,7 @@ def reported(flown, together: int, feed=None):
     return rows
 
 
-def test_one_at_a_time_or_many(flown):
+def test_ticks_are_reported_one_at_a_time_or_many(flown):
     one, many = reported(flown, 1), reported(flown, 4)
     published = slice_of(ROW, "timing.published")
     one[:, published] = many[:, published] = 0.0  # of a wall clock that goes on

@@ -26,7 +26,7 @@ def steps(*places: tuple[float, float, float, float]) -> str:
 
 
 @pytest.mark.slow
-def test_it_is_said_which_why_and_how_much_would_do() -> None:
+def test_a_refusal_says_which_setpoint_why_and_what_would_do() -> None:
     said = why("paper_fast", REFUSE)
     assert said.startswith("setpoint at 0 s refused: 19.7 m needs ")
     assert said.endswith(" m of it would do")
@@ -105,7 +105,7 @@ def test_how_far_away_a_setpoint_is_depends_on_how_the_guard_has_led_the_vehicle
         assert bool(unflyable_of(*chosen, early)) is far
 
 
-def test_who_expects_a_refusal_is_flown_unless_it_is_the_first(tmp_path: Path) -> None:
+def test_a_mission_that_expects_a_refusal_is_flown_unless_it_is_the_first(tmp_path: Path) -> None:
     far, expected = steps(HERE, (6.0, 0.0, 0.0, 40.0)), "expect.limited=true"
     found = gcs_tools.fly(
         "gust_step", settings=[REFUSE, SLOW, far, "expect.reached=false", expected],

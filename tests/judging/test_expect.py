@@ -27,7 +27,7 @@ def measured(name: str, t_from: float | None, t_to: float | None) -> float | Non
         ({"at_least": 0.03}, False, "reference_error_rms_m ≥ 0.03: 0.025"),
     ],
 )  # fmt: skip
-def test_limits(entry: object, passed: bool, text: str) -> None:
+def test_limits_of_a_metric_are_judged(entry: object, passed: bool, text: str) -> None:
     _, judged = judge_each({"reference_error_rms_m": entry}, measured, "time")
     assert (judged.passed, str(judged)) == (passed, text)
 

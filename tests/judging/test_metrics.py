@@ -131,7 +131,7 @@ def test_of_attitudes_there_is_no_setpoint_error() -> None:
     assert metrics(*told(plant, fcu))["setpoint_error_max_m"] == 0.0
 
 
-def test_who_knows_the_mission_says_when_it_settles() -> None:
+def test_settling_needs_the_mission() -> None:
     plant, fcu = flight(20.0)
     put(plant, PlantRecord, "state.r_E", OFF, slice(0, 150))
     assert metrics(*told(plant, fcu))["reference_error_rms_settled_m"] > 5.0  # type: ignore[operator]

@@ -97,7 +97,7 @@ def test_no_shipped_mission_is_refused(name: str) -> None:
 
 
 @pytest.mark.parametrize("in_process", [True, False])
-def test_nothing_is_started_or_written(in_process: bool, tmp_path: Path) -> None:
+def test_refused_gains_start_and_write_nothing(in_process: bool, tmp_path: Path) -> None:
     """A single mission, a mission flown with two seeds, and a flight from Python leave no folder."""
     out = tmp_path / "runs"
     for name in ("paper_nominal", "take_off"):

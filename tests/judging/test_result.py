@@ -57,7 +57,7 @@ BROKEN = replace(
 )  # fmt: skip
 
 
-def test_it_is_read_as_it_was_written(tmp_path: Path) -> None:
+def test_a_result_is_read_as_it_was_written(tmp_path: Path) -> None:
     path = tmp_path / "result.json"
     for result in (RESULT, FAILED, BROKEN):
         result.write(path)
@@ -65,7 +65,7 @@ def test_it_is_read_as_it_was_written(tmp_path: Path) -> None:
     assert [p.name for p in tmp_path.iterdir()] == ["result.json"]
 
 
-def test_its_keys_are_those_promised(tmp_path: Path) -> None:
+def test_keys_of_a_result_are_those_promised(tmp_path: Path) -> None:
     RESULT.write(tmp_path / "result.json")
     content = json.loads((tmp_path / "result.json").read_text())
     assert content["schema_version"] == 2

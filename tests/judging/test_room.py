@@ -31,7 +31,7 @@ def test_a_folder_without_room_has_none_to_hold(tmp_path):
         pass
 
 
-def test_a_result_fits(tmp_path):
+def test_a_result_fits_into_its_room(tmp_path):
     whole = Path(tmp_path / "result.json")
     result.rejected("x", "y" * 10_000, {"m-mrac": "1"}).write(whole)
     assert 10 * whole.stat().st_size < result.ROOM_BYTES

@@ -105,13 +105,13 @@ def test_a_failure_says_which_setpoint_where_the_vehicle_was_and_what_to_do() ->
     ("entry", "expect", "ended"),
     [(False, {}, "time"), (None, {"ended": "diverged"}, "diverged")],
 )
-def test_who_expects_nothing_is_told_nothing(entry, expect, ended) -> None:
+def test_no_expectation_of_setpoints_gives_no_check(entry, expect, ended) -> None:
     expect = expect if entry is None else {**expect, "reached": entry}
     found = judge_each(expect, lambda *_: None, ended, standing=[far(953.2)])
     assert [line.name for line in found] == ["ended"]
 
 
-def test_who_expects_setpoints_reached_of_which_none_stood_is_told_so() -> None:
+def test_setpoints_that_never_stood_are_named_as_such() -> None:
     found = reached([], 0.1)
     assert (found.passed, found.value) == (False, None)
     assert "no setpoint stood for 5 s" in str(found)

@@ -187,7 +187,7 @@ def test_nobody_else_may_write_what_is_kept(folder: cache.Folder) -> None:
     assert _is_loaded(first, folder)
 
 
-def test_where_nothing_can_be_written_it_is_compiled_in_memory(
+def test_kernels_compile_in_memory_where_nothing_can_be_written(
     folder: cache.Folder, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     folder.path.parent.mkdir()
@@ -330,9 +330,7 @@ def test_code_of_another_version_is_compiled_anew_whatever_its_folder_is_called(
 
 
 @pytest.mark.parametrize("mode", [0o770, 0o707])
-def test_nothing_is_used_where_others_may_exchange_the_folder(
-    folder: cache.Folder, mode: int
-) -> None:
+def test_a_folder_that_others_may_exchange_is_not_used(folder: cache.Folder, mode: int) -> None:
     _started(first, folder)(3.0, 4.0)
     folder.path.parent.chmod(mode)
     assert not _is_loaded(first, folder)

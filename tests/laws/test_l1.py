@@ -116,7 +116,7 @@ def injecting(t):
     return Vec3(0.0, 0.0, T), torque
 
 
-def test_it_adapts_as_its_authors_code_does(paper):
+def test_l1_adapts_as_its_authors_code_does(paper):
     """Estimates and compensation of a flight with their uncertainties, within 2 % of the greatest."""
     rows = fly(paper, at(0.3, -0.2, 0.1), 6.0, injecting, 0.0, 1)
     c_T = paper.params.rotors.c_T
@@ -149,7 +149,7 @@ def test_estimates_follow_the_injected_uncertainties_within_a_sample_or_so(paper
     assert (np.abs(found - true)[3:, :3].max(axis=0) < 2.0 * rate / RATE + short).all()
 
 
-def test_with_it_the_error_is_a_fifth_of_what_the_baseline_leaves(paper):
+def test_l1_leaves_a_fifth_of_the_error_of_its_baseline(paper):
     """The publications' claim on average: five times smaller. Here of the injected uncertainties."""
     rms = {}
     for name, cutoffs in {"with": {}, "without": {"w_T": 0.1, "w_M1": 0.1, "w_M2": 0.1}}.items():

@@ -40,7 +40,7 @@ def test_the_mass_stays_known(name, duration_s, bounds):
 
 
 @pytest.mark.slow
-def test_without_leakage_noise_drives_it_away():
+def test_noise_drives_the_estimate_away_without_leakage():
     m_hat, _ = m_hat_of("noisy_state", 120.0, WIDE, "law.sigma_v=0.0")
     assert m_hat[-1] < 5.0
 

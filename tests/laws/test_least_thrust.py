@@ -58,7 +58,7 @@ def test_no_thrusts_give_a_torque_from_less(vehicle, rotors):
         assert given.sum() == pytest.approx(least, rel=1e-9, abs=1e-12)
 
 
-def test_of_an_octocopter_it_is_three_fifths_of_what_the_pseudo_inverse_needs():
+def test_least_thrust_of_an_octocopter_is_three_fifths_of_the_pseudo_inverses():
     """1.707 times the torque beside the same thrust, about any axis."""
     octo = airframe.believed(SHIPPED["s1000"])[0]
     rotors = allocation.believed_rotors(octo, 0.002, 0.03, f_min=0.02, kappa=3.0)

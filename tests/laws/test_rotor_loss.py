@@ -245,7 +245,7 @@ def test_the_same_loss_turned_leaves_the_same(turn):
     assert 0.0 < abs(tau.z) < 0.6
 
 
-def test_nothing_is_lost_changes_nothing():
+def test_no_lost_rotor_changes_no_bit():
     rotors, limits, T_hover, heaviest = vehicle("s1000")
     assert without(rotors, limits, (), T_hover, heaviest) == (Fate.FLIES, rotors, limits)
 

@@ -132,7 +132,7 @@ def test_the_commanded_rates_are_the_derivatives_of_the_commanded_attitude(se3, 
 
 
 @pytest.mark.parametrize(("v_max", "speed"), [(6.0, 5.0), (1e3, 16.0)])
-def test_they_are_far_from_the_setpoint_too(se3, paper, v_max, speed):
+def test_commanded_rates_are_the_derivatives_far_from_the_setpoint_too(se3, paper, v_max, speed):
     """Where the error of position is cut: to what the speed v_max (m/s) balances, or what can be stopped."""
     params = paper._replace(v_max=v_max, a_max=4.0, k_i=1.7)
     body = Body(Rotation.from_rotvec([0.15, -0.1, 0.3]), x=(30.0, -20.0, 10.0))
@@ -156,7 +156,7 @@ def test_along_the_thrust_the_position_error_is_the_papers_second_order_system(s
     np.testing.assert_allclose([x[2] for *_, x in told], expected, atol=2e-3)
 
 
-def test_without_its_integrals_it_is_the_law_of_2010(se3, paper):
+def test_se3_without_integrals_is_the_law_of_2010(se3, paper):
     """The state has no effect then."""
     measured = Body(Rotation.from_rotvec([0.3, 0.1, 0.0]), x=(1.0, 0.0, 0.0)).measured
     wound = se3.State(e_i=Vec3(1.0, 1.0, 1.0), e_I=Vec3(0.5, 0.5, 0.5))

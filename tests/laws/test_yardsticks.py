@@ -55,7 +55,7 @@ def turning(setpoint, p=0.0, q=0.0, r=0.0, T=W):
     return setpoint._replace(level=2.0, w_c=Vec3(p, q, r), T_c=T)
 
 
-def test_in_hover_at_its_setpoint_it_hovers(first, fixed, hover):
+def test_a_yardstick_hovers_at_its_setpoint(first, fixed, hover):
     outputs, internals, u = first(fixed(), hover())
     assert outputs.T_c == pytest.approx(W)
     assert outputs.T_achieved == pytest.approx(W)
@@ -268,7 +268,7 @@ def test_a_law_says_its_pace(name, params):
 
 
 @pytest.mark.parametrize("rate_hz", [250.0, 500.0])
-def test_it_holds_a_position_in_a_steady_wind(name, flight, fixed, rate_hz):
+def test_a_yardstick_holds_a_position_in_a_steady_wind(name, flight, fixed, rate_hz):
     wind = ["wind.steady_m_s=[5,-3,0]", "plant.mass_kg=7.5"]
     rows = flight([(0.0, fixed((1.0, 1.0, 2.0)))], 25.0, rate_hz, settings=wind, law=name)
     r = np.stack([rows["measured"]["r_E"][axis] for axis in "xyz"], axis=1)[rows["t"] > 23.0]

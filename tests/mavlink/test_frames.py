@@ -112,7 +112,7 @@ def test_plain_python_exchanges_axes_as_the_kernels_do(v, psi):
     ("east_ccw_deg", "north_cw_deg"),
     [(90.0, 0.0), (0.0, 90.0), (45.0, 45.0), (-90.0, -180.0), (180.0, -90.0), (450.0, 0.0)],
 )
-def test_yaw(east_ccw_deg, north_cw_deg):
+def test_yaw_from_east_to_north(east_ccw_deg, north_cw_deg):
     yaw = frames.yaw_enu_ned(math.radians(east_ccw_deg))
     assert math.degrees(yaw) == pytest.approx(north_cw_deg, abs=1e-12)
 
@@ -139,7 +139,7 @@ def test_position_error_of_the_wire_is_that_of_float32():
 
 
 @given(states)
-def test_whatever_is_sent_arrives_finite_with_a_unit_attitude(sent):
+def test_any_state_arrives_finite_with_a_unit_attitude(sent):
     received = frames.through_the_wire(sent)
     assert np.isfinite(to_buffer(received)).all()
     assert math.hypot(*received.q_EB) == pytest.approx(1.0, abs=1e-15)
@@ -152,7 +152,7 @@ def test_values_outside_float32_are_saturated():
     assert received.w_B.y == frames.FLOAT32_MAX
 
 
-def test_not_a_number_stays_one():
+def test_nan_stays_nan():
     assert math.isnan(frames.through_the_wire(state(r=(math.nan, 0.0, 0.0))).r_E.x)
     command = RotorCommand(Rotors(math.nan, *[0.5] * 7))
     assert math.isnan(frames.command_through_the_wire(command).u.r1)

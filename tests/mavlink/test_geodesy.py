@@ -16,7 +16,7 @@ metres = st.floats(-50_000.0, 50_000.0)
 
 
 @given(metres, metres, st.floats(-500.0, 5000.0), st.floats(-85.0, 85.0), st.floats(-180.0, 180.0))
-def test_there_and_back_is_a_micrometre_within_50_km(x, y, z, lat, lon):
+def test_a_round_trip_is_off_a_micrometre_within_50_km(x, y, z, lat, lon):
     origin = Origin(lat, lon, 100.0)
     back = to_local(origin, *to_geodetic(origin, Vec3(x, y, z)))
     assert math.dist(back, (x, y, z)) < 1e-6

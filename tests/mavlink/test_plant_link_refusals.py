@@ -121,7 +121,7 @@ def test_a_bad_command_is_refused_and_changes_nothing(reason, u):
     assert (received == untouched(8)).all()
 
 
-def test_not_a_number_is_sent_as_such_and_refused_at_the_other_end():
+def test_nan_is_sent_and_refused_at_the_other_end():
     diverged = to_buffer(FLYING)
     diverged[0] = math.nan
     with pytest.raises(WireError, match="finite"):

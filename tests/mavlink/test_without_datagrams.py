@@ -51,7 +51,7 @@ def by_datagram(state, spin):
 @example(STILL, SPIN)
 @example(STILL, QUAD)
 @example(STILL._replace(q_EB=Quat(0.6, 0.0, 0.0, 0.85)), QUAD)
-def test_a_state(state, spin):
+def test_a_state_without_a_datagram_has_the_bits_of_one_with_it(state, spin):
     read, fault = by_datagram(state, spin)
     found, said = state_received(state, spin)
     assert said == fault

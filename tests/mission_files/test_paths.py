@@ -42,19 +42,19 @@ class TestOfAnyPath:
         assert np.abs(np.gradient(r, t, axis=0) - v)[1:-1].max() < 1e-3
         assert np.abs(np.gradient(v, t, axis=0) - a)[1:-1].max() < 0.1
 
-    def test_it_keeps_to_its_limits_and_uses_them(self, kind, points) -> None:
+    def test_a_path_keeps_to_its_limits_and_uses_them(self, kind, points) -> None:
         path = made(kind, points)
         _, v, a = path.at(times(path))
         assert 0.85 * SPEED < np.linalg.norm(v, axis=1).max() <= 1.001 * SPEED
         assert 0.85 * ACCELERATION < np.linalg.norm(a, axis=1).max() <= 1.01 * ACCELERATION
 
-    def test_it_goes_from_rest_at_the_first_point_to_rest_at_the_last(self, kind, points) -> None:
+    def test_a_path_begins_and_ends_at_rest(self, kind, points) -> None:
         path = made(kind, points)
         r, v, _ = path.at(np.array([0.0, path.duration_s, path.duration_s + 60.0]))
         np.testing.assert_allclose(r, points[[0, -1, -1]], atol=1e-6)
         np.testing.assert_allclose(v, 0.0, atol=1e-6)
 
-    def test_its_acceleration_does_not_jump(self, kind, points) -> None:
+    def test_acceleration_along_a_path_does_not_jump(self, kind, points) -> None:
         path = made(kind, points)
         t = times(path)
         jerk = np.linalg.norm(np.diff(path.at(t).a, axis=0), axis=1) / np.diff(t)
@@ -107,7 +107,7 @@ def test_a_wider_corner_is_faster() -> None:
     assert wide < narrow - 2.0
 
 
-def test_where_it_turns_back_it_stands() -> None:
+def test_a_path_stands_where_it_turns_back() -> None:
     path = made("rounded", THERE_AND_BACK)
     r, v, _ = path.at(times(path))
     i = int(r[:, 0].argmax())

@@ -7,7 +7,7 @@ import pytest
 from gcs_tools.missions.mission import MissionError, load
 
 
-def test_they_stand_in_expect_of_a_flight_with_one_plan():
+def test_expectations_of_plan_items_stand_in_expect():
     mission = load("plan_square", ["expect.items.3.passed_m=2"])
     assert mission.expectations()["items"]["3"] == {"passed_m": {"limit": 2.0}}
 

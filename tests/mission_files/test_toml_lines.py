@@ -41,7 +41,7 @@ def paths(value, path=()):
             yield from paths(inside, (*path, name))
 
 
-def test_everything_that_tomllib_finds_has_a_line():
+def test_every_error_of_tomllib_has_a_line():
     found = lines(AWKWARD)
     assert set(paths(tomllib.loads(AWKWARD))) == set(found)
 

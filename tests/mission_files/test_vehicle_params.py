@@ -133,7 +133,7 @@ def test_a_vehicle_starts_with_them_and_keeps_them_through_a_reset(tmp_path):
         assert params.settings is settings
 
 
-def test_who_has_no_autopilot_refuses_them(write):
+def test_flights_without_an_autopilot_refuse_vehicle_parameters(write):
     mission = load(write(TEXT))
     with pytest.raises(
         MissionError, match=r"\[vehicle.params\] NAV_DLL_ACT: a controller of your own"

@@ -64,7 +64,7 @@ def is_printed(result: Result, printed: str) -> None:
         assert re.search(rf"^met +{re.escape(line.text)} +{re.escape(line.shown)}$", printed, re.M)
 
 
-def test_its_script_flies_it(flown):
+def test_the_script_of_the_docs_flies_its_mission(flown):
     folder, _ = flown
     (script,) = blocks("missions.md", "python")
     told = run(folder, script).splitlines()

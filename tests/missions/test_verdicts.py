@@ -134,7 +134,7 @@ def test_a_figure_is_titled_with_what_was_changed(flown, monkeypatch):
     assert titles[0].endswith("only. (flight.duration_s = 0.5 (--set), flight.seed = 4 (--seed))")
 
 
-def test_it_passes_where_the_mission_says_so(flown):
+def test_a_mission_passes_where_it_says_so(flown):
     flight = flown(FAR, "expect.reached=false", "expect.limited=true")
     assert flight.passed
     assert [line.name for line in flight.expectations][:2] == ["ended", "limited"]

@@ -39,7 +39,7 @@ def listens(port):
         return probe.connect_ex((HERE, port)) == 0
 
 
-def test_through_a_router(publish, record, tmp_path):
+def test_a_recording_through_a_router_is_whole(publish, record, tmp_path):
     port = free_port()
     example("router.json5", port, tmp_path)
     command = re.search(r"python -c '(.*)'", (EXAMPLES / "router.json5").read_text())[1]
@@ -126,7 +126,7 @@ def test_a_tool_refuses_who_is_not_its_vehicle(kind, name, ours, theirs, secured
 
 
 @pytest.mark.parametrize("who", ["gcs", "other"])
-def test_nothing_written_reaches_a_publisher(who, ours, secured, stranger, tmp_path, vehicle):
+def test_puts_of_a_stranger_reach_no_publisher(who, ours, secured, stranger, tmp_path, vehicle):
     port, vehicles, tools = secured("tls")
     with bus.session(bus.for_publisher(vehicle, RUN, vehicles)) as publisher:
         puts = publisher.declare_subscriber("**", bus.channel())
@@ -151,7 +151,7 @@ def heard(session, key):
     )
 
 
-def test_who_asks_for_more_than_is_allowed_gets_none_of_it(secured, publish, vehicle):
+def test_a_subscription_to_more_than_is_allowed_gets_nothing(secured, publish, vehicle):
     _, vehicles, tools = secured("tls")
     publish(vehicles)
     with (

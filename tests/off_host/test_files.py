@@ -78,7 +78,7 @@ def test_a_file_that_cannot_be_used_is_told_in_a_line(mistake, gcs, tmp_path):
 
 
 @pytest.mark.parametrize("command", ["publish", "topics"])
-def test_every_tool_tells(command, gcs, tmp_path):
+def test_every_tool_tells_of_a_bad_file(command, gcs, tmp_path):
     program = gcs(command, "--zenoh", tmp_path / "none.json5")
     assert program.wait() == 2
     assert f"none.json5: {os.strerror(errno.ENOENT)}\n" in program.text()
@@ -95,7 +95,7 @@ def test_nobody_to_connect_to_is_told_in_a_line(command, gcs, tmp_path):
 
 
 @pytest.mark.parametrize("name", ["gcs", "other"])
-def test_who_waits_is_told_what_for(name, ours, theirs, secured, publish, gcs, tmp_path):
+def test_a_wait_says_what_for(name, ours, theirs, secured, publish, gcs, tmp_path):
     port, vehicles, _ = secured("tls")
     publish(vehicles)
     whose = {"gcs": theirs, "other": ours}[name]
@@ -149,7 +149,7 @@ def test_what_a_file_leaves_unsaid_is_as_without_one(tmp_path):
     assert bus.for_publisher(0, RUN, path).get_json("namespace") == f'"m_mrac/{RUN}"'
 
 
-def test_who_scouts_listens_as_zenoh_does(tmp_path):
+def test_scouting_listens_as_zenoh_does(tmp_path):
     path = tmp_path / "scouting.json5"
     listening = {}
     for scouts in ("true", "false"):

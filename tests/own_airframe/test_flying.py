@@ -31,7 +31,7 @@ def flights(tmp_path_factory):
     return folder, both(HERE / "step.toml", folder)
 
 
-def test_it_flies_over_the_wire_as_in_process_to_the_bit(flights):
+def test_an_own_airframe_flies_the_same_bits_both_ways(flights):
     _, results = flights
     wire, process = results["wire"], results["process"]
     assert wire["passed"]

@@ -38,7 +38,7 @@ def flights(tmp_path_factory):
     return folder, both(HERE / "step_in_still_air.toml", folder)
 
 
-def test_it_flies_over_the_wire_as_in_process_to_the_bit(flights):
+def test_an_own_law_flies_the_same_bits_both_ways(flights):
     _, results = flights
     wire, process = results["wire"], results["process"]
     assert wire["passed"]
@@ -48,7 +48,7 @@ def test_it_flies_over_the_wire_as_in_process_to_the_bit(flights):
     assert wire["metrics"]["margin_min_n"] is None
 
 
-def test_its_own_state_is_recorded_by_its_names(flights):
+def test_state_of_an_own_law_is_recorded_by_its_names(flights):
     folder, results = flights
     wire, process = (read(folder / way / "flight.mcap") for way in ("wire", "process"))
     assert wire.metadata["law"] == "plain_cascade"
@@ -179,14 +179,14 @@ def test_what_a_mission_expects_of_another_law_is_missed_with_the_reason(own_mis
         assert f"{name} has no value: this law has no {why}\n" in done.stdout
 
 
-def test_it_is_drawn(flights):
+def test_a_flight_of_an_own_law_is_drawn(flights):
     folder, _ = flights
     done = _gcs("plot", folder / "wire" / "flight.mcap", folder=folder)
     assert done.returncode == 0, done.stderr
     assert (folder / "wire" / "flight.png").stat().st_size > 0
 
 
-def test_it_takes_off_for_a_ground_station_and_is_published(start, instance, tmp_path):
+def test_an_own_law_takes_off_for_a_ground_station_and_is_published(start, instance, tmp_path):
     law = ("--law", HERE / "plain_cascade.py")
     up = start("gcs_tools", "up", "--instance", instance, *law, "--speed", 3)
     up.says("ready")
@@ -235,7 +235,7 @@ def test_a_policy_of_the_guard_is_rejected_without_one(own_mission, policy, monk
         ("plain_cascade.py", "nowhere.py", ["12", "nowhere.py"]),
     ],
 )
-def test_its_keys_are_those_of_its_table(own_mission, old, new, said, monkeypatch):
+def test_keys_of_an_own_law_are_those_of_its_table(own_mission, old, new, said, monkeypatch):
     monkeypatch.chdir(own_mission.parent)
     own_mission.write_text(own_mission.read_text().replace(old, new))
     done = gcs("fly", own_mission)

@@ -76,7 +76,7 @@ def test_two_that_start_at_once_both_fly(one_tick, own_law):
 
 
 @pytest.mark.slow
-def test_without_a_cache_it_is_compiled_every_time(one_tick, own_law, tmp_path):
+def test_an_own_law_without_a_cache_is_compiled_every_time(one_tick, own_law, tmp_path):
     in_the_way = tmp_path / "file"
     in_the_way.touch()
     assert one_tick(own_law, cache=in_the_way)["compiled"] > 0

@@ -79,7 +79,7 @@ def test_law_is_the_one_handed_over_until_one_of_its_parameters_is_set(params, l
 
 
 @pytest.mark.parametrize("name", [n for n in LAW if not LAW[n].row.read_only])
-def test_there_and_back_is_the_same_law_to_the_bit(params, start, name):
+def test_a_parameter_set_and_set_back_gives_the_same_law(params, start, name):
     """A tenth more, or the other of two: accepted while disarmed, and undone without a trace."""
     was, info = params[name], params.info(name)
     other = 1.0 - was if info.values else min(float32(was * 1.1) or 2.0**-8, info.high)

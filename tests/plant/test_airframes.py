@@ -70,7 +70,7 @@ def test_the_plant_gives_what_was_allocated(vehicle, asked):
 
 @pytest.mark.parametrize(("axis", "change"), [("x", (0.2, 0, 0)), ("y", (0, 0.2, 0)), ("z", (0, 0, 0.02))])  # fmt: skip
 @pytest.mark.parametrize("side", [1.0, -1.0])
-def test_it_turns_to_the_side_that_is_asked_for(vehicle, fly, axis, change, side):
+def test_an_airframe_turns_to_the_side_of_the_torque(vehicle, fly, axis, change, side):
     """Forward-left-up: roll right side down, pitch nose down and yaw to the left are positive."""
     rotors, params = vehicle
     f, _ = allocation.allocate(rotors, params.m * 9.81, Vec3(*(side * c for c in change)))
@@ -84,7 +84,7 @@ def test_it_turns_to_the_side_that_is_asked_for(vehicle, fly, axis, change, side
     assert all(abs(w) < 0.2 * abs(turned[axis]) for name, w in turned.items() if name != axis)
 
 
-def test_it_starts_in_a_hover_without_torque(vehicle):
+def test_an_airframe_starts_in_a_hover_without_torque(vehicle):
     _, params = vehicle
     start = start_state(params)
     T, tau = physics.thrust_and_torque(params, start.Omega, STILL)

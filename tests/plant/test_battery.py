@@ -34,7 +34,7 @@ def test_power_is_the_blades_torque_times_speed_over_efficiency(plant):
     assert battery.power(params.battery, params.airframe, STOPPED, ALL) == 15.0
 
 
-def test_it_takes_what_the_maker_says_to_hover_at_nine_and_a_half_kilograms(plant):
+def test_hover_power_at_nine_and_a_half_kilograms_is_the_makers(plant):
     params = plant()
     watts = battery.power(params.battery, params.airframe, hovering(params, 9.5), ALL)
     assert watts == pytest.approx(1500.0, rel=0.01)

@@ -241,7 +241,7 @@ def test_every_unit_and_type_that_is_listed_is_done_and_no_other():
             assert done == listed, (unit, type_)
 
 
-def test_there_is_room_for_so_many_and_those_that_are_over_give_theirs():
+def test_faults_that_are_over_make_room():
     told = Ticks()
     order = Order(Unit.MOTOR, Type.OFF, 1, 0.0, 0.002)
     for _ in range(MOST):

@@ -38,7 +38,7 @@ def height(params, state):
     return state.r_E.z - params.ground.z - params.ground.gear
 
 
-def test_it_stands_still_on_its_gear(params, standing, fly, truth):
+def test_a_vehicle_stands_still_on_its_gear(params, standing, fly, truth):
     end = fly(params, standing, 0.0, 5.0)
     np.testing.assert_allclose(end.r_E, standing.r_E, atol=1e-9)
     np.testing.assert_allclose(end.v_E, (0.0, 0.0, 0.0), atol=1e-9)
@@ -48,7 +48,7 @@ def test_it_stands_still_on_its_gear(params, standing, fly, truth):
     assert record.ended == dynamics.FLYING
 
 
-def test_it_does_not_creep_in_wind(plant, fly):
+def test_a_standing_vehicle_does_not_creep_in_wind(plant, fly):
     """10 m/s push with 15 N; friction holds up to 0.6 of 78 N."""
     params = plant(wind={"steady_m_s": [8.0, 6.0, 0.0]}, ground_z_m=0.0)
     standing = start_state(params, {"on_ground": True})
@@ -58,7 +58,7 @@ def test_it_does_not_creep_in_wind(plant, fly):
     assert np.linalg.norm(fly(params, pushed, 0.0, 1.0).v_E) < 1e-9
 
 
-def test_it_does_not_creep_in_changing_wind(plant, fly):
+def test_a_standing_vehicle_does_not_creep_in_changing_wind(plant, fly):
     wind = {"amplitude_m_s": [10.0, 7.0, 5.0], "frequency_rad_s": [1.5, 1.6, 1.7]}
     params = plant(wind=wind, ground_z_m=0.0)
     standing = start_state(params, {"on_ground": True})
@@ -139,7 +139,7 @@ def test_a_leaning_vehicle_is_righted(params, standing, fly):
     assert abs(roll) < 0.1
 
 
-def test_it_takes_off_with_more_thrust_than_weight(params, standing, fly, truth):
+def test_more_thrust_than_weight_takes_off(params, standing, fly, truth):
     idle = fly(params, standing, 0.9 * HOVER, 2.0)
     assert truth(params, idle).on_ground == 1.0
     flying = fly(params, standing, 1.1 * HOVER, 1.0)
@@ -148,7 +148,7 @@ def test_it_takes_off_with_more_thrust_than_weight(params, standing, fly, truth)
     assert flying.v_E.z > 0.0
 
 
-def test_it_lands_when_it_comes_down_slowly_and_stops_its_rotors(params, standing, fly, truth):
+def test_a_slow_descent_with_stopped_rotors_lands(params, standing, fly, truth):
     Omega = Rotors(*[HOVER * 552.2] * 8)
     above = standing._replace(
         r_E=standing.r_E + Vec3(0.0, 0.0, 0.5), v_E=Vec3(0.0, 0.0, -0.5), Omega=Omega

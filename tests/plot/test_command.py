@@ -55,7 +55,7 @@ def test_the_command_knows_what_can_be_drawn() -> None:
 
 
 @pytest.mark.slow
-def test_all_figures_in_a_process_of_their_own(run: Path) -> None:
+def test_plot_draws_all_figures_in_a_process(run: Path) -> None:
     done = subprocess.run(
         [sys.executable, "-m", "gcs_tools", "plot", str(run)], capture_output=True, text=True
     )
@@ -68,7 +68,7 @@ def test_all_figures_in_a_process_of_their_own(run: Path) -> None:
     assert "tracking: settled RMS 2 cm off the reference, worst 2 cm" in lines[1]
 
 
-def test_one_figure_as_a_file(run: Path, tmp_path: Path) -> None:
+def test_plot_draws_one_figure_into_a_file(run: Path, tmp_path: Path) -> None:
     out = tmp_path / "report.svg"
     done = called(run, "--what", "tracking", "--out", out, "--json", "--from", 6, "--to", 7)
     assert done.exit_code == 0, done.output
@@ -80,7 +80,7 @@ def test_one_figure_as_a_file(run: Path, tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-def test_some_figures_in_a_folder(run: Path, tmp_path: Path) -> None:
+def test_plot_draws_some_figures_into_a_folder(run: Path, tmp_path: Path) -> None:
     out = tmp_path / "for" / "the report"
     done = called(run, "--what", "limits,wind", "--out", out, "--format", "pdf")
     assert done.exit_code == 0, done.output

@@ -56,7 +56,7 @@ def test_any_flight_is_drawn(
     assert path.read_bytes().startswith(STARTS["png"])
 
 
-def test_nothing_is_drawn_across_a_gap() -> None:
+def test_lines_stop_at_a_gap() -> None:
     t = np.array([0.0, 1.0, 2.0, 7.0, 8.0])
     at, y = broken(t, t)
     assert np.isnan(y).tolist() == [False, False, False, True, False, False]

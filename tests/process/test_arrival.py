@@ -102,7 +102,7 @@ def test_a_yaw_that_moves_keeps_no_vehicle_from_arriving(flight):
     assert swings.sim_time_s == pytest.approx(plain.sim_time_s, abs=0.2)
 
 
-def test_it_is_the_missions_setpoint_that_is_arrived_at(tmp_path):
+def test_arrival_is_at_the_setpoint_of_the_mission(tmp_path):
     """One in the ground is flown to above it first, and then landed on: it is reached by neither."""
     result = gcs_tools.fly(
         "take_off", out=tmp_path, figure="never", record="none", in_process=True,
@@ -111,7 +111,7 @@ def test_it_is_the_missions_setpoint_that_is_arrived_at(tmp_path):
     assert result.ended == "time"
 
 
-def test_who_no_longer_flies_does_not_arrive(scene):
+def test_a_vehicle_that_has_landed_does_not_arrive(scene):
     plant, fcu = flown(scene)
     column(SharedTick, fcu, "engaged")[NEAR + HELD - 2 :] = IDLE
     assert arrival(scene, plant, fcu) is None

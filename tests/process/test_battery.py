@@ -75,7 +75,7 @@ def test_ten_times_a_second_and_while_time_stands(start, bound, instance, codec)
             os.close(grants)
 
 
-def test_all_of_the_truth_is_the_same_over_the_wire_and_in_process(tmp_path):
+def test_the_truth_is_the_same_over_the_wire_and_in_process(tmp_path):
     settings = ["flight.duration_s=3", "plant.battery_ah=5", "plant.battery_remaining=0.5"]
     rows = []
     for name in ("wire", "in_process"):

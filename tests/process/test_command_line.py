@@ -149,7 +149,7 @@ def test_a_mission_with_errors_is_still_told_by_its_errors(refused, tmp_path, te
     assert "did you mean --" not in told
 
 
-def test_that_flights_of_several_seeds_are_the_same_is_told_once(gcs, tmp_path):
+def test_equal_flights_of_several_seeds_are_told_once(gcs, tmp_path):
     (tmp_path / "hover.toml").write_text(MISSION)
     for noise, told in ((0.0, 1), (0.01, 0)):
         of = f"plant.noise.position_m={noise}"

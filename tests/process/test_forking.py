@@ -31,7 +31,7 @@ def about_itself():
     )
 
 
-def test_it_has_its_own_session_signals_and_files(tmp_path):
+def test_a_forked_process_has_its_own_session_signals_and_files(tmp_path):
     kept_out, kept_in = os.pipe()
     with (tmp_path / "said").open("w+") as said:
         before = signal.signal(signal.SIGTERM, lambda *_: None)
@@ -62,14 +62,14 @@ def test_it_has_its_own_session_signals_and_files(tmp_path):
         (lambda: os.kill(os.getpid(), signal.SIGTERM), -signal.SIGTERM, ""),
     ],
 )
-def test_its_exit_code_is_a_programs(tmp_path, ends, code, says):
+def test_exit_code_of_a_forked_process_is_a_programs(tmp_path, ends, code, says):
     with (tmp_path / "said").open("w") as said:
         process = forking.fork(ends, "it", (), said.fileno(), said.fileno())
         assert process.wait(PATIENCE_S) == process.poll() == code
     assert says in (tmp_path / "said").read_text()
 
 
-def test_one_that_goes_on_is_waited_for_no_longer_than_asked():
+def test_a_process_that_goes_on_is_waited_for_no_longer_than_asked():
     process = forking.fork(signal.pause, "it")
     with pytest.raises(subprocess.TimeoutExpired):
         process.wait(0.01)

@@ -22,6 +22,6 @@ def test_the_row_that_says_how_it_ended_stays():
     assert fcu[:, 0].tolist() == [0, 2]
 
 
-def test_nothing_is_in_step_with_nothing():
+def test_no_ticks_are_in_step_with_no_ticks():
     plant, fcu = in_step(rows(0)[:0], rows(0)[:0])
     assert len(plant) == len(fcu) == 0

@@ -148,7 +148,7 @@ def test_an_interruption_of_which_other_code_made_an_error_is_one(monkeypatch, c
             main._code(args=["plot", "x.mcap"])
 
 
-def test_one_that_the_compiler_has_lost_is_raised_at_the_next_kernel():
+def test_an_interrupt_lost_in_the_compiler_is_raised_at_the_next_kernel():
     def compiling():
         with interrupts_wait() as interrupts, interrupts.at_once():
             with suppress(KeyboardInterrupt):  # as in a callback of the compiler

@@ -87,7 +87,7 @@ def test_a_recording_tells_the_same_errors_as_its_flight(tmp_path: Path) -> None
     ]
 
 
-def test_it_returns_to_where_it_took_off_and_takes_off_again(tmp_path: Path) -> None:
+def test_a_return_ends_at_home_and_a_takeoff_follows(tmp_path: Path) -> None:
     result = flown(
         tmp_path, UP, '{ kind = "go_to", position_m = [8.0, 6.0, 4.0] }',
         '{ kind = "return", expect = { touchdown_m = 0.1, touchdown_m_s = 0.8 } }',
@@ -121,7 +121,7 @@ def test_rotors_that_are_stopped_in_the_air_end_no_landing(tmp_path: Path, last:
     assert stopped and (flown.ended, flown.arrived) == ("fell", False)
 
 
-def test_in_the_air_it_begins_where_it_is_and_ends_once_all_is_done(tmp_path: Path) -> None:
+def test_items_begin_in_the_air_and_end_once_all_is_done(tmp_path: Path) -> None:
     start = "start = { position_m = [1.0, 2.0, 9.0], yaw_deg = 90.0 }\n"
     hold = '{ kind = "hold", for_s = 3.0, expect = { setpoint_error_max_m = 0.05 } }'
     result = flown(tmp_path, hold, start=start)
@@ -267,7 +267,7 @@ def test_what_an_item_missed_is_told_with_where_its_time_went_and_its_error_was_
 
 
 @pytest.mark.slow
-def test_one_that_did_not_arrive_is_told_with_how_near_it_came(tmp_path: Path) -> None:
+def test_an_item_that_was_not_reached_is_told_with_its_distance(tmp_path: Path) -> None:
     """The plain cascade learns nothing: the wind holds it farther off than 2 cm."""
     law = Path(__file__).parents[1] / "own_law" / "plain_cascade.py"
     result = gcs_tools.fly(
@@ -290,7 +290,7 @@ def test_one_that_did_not_arrive_is_told_with_how_near_it_came(tmp_path: Path) -
     ("expect", "more"),
     [(", expect = { setpoint_error_max_m = 20.0 }", ""), ("", "[expect]\nreached = false\n")],
 )
-def test_who_expects_less_of_a_path_writes_it(tmp_path: Path, expect: str, more: str) -> None:
+def test_a_mission_may_expect_less_of_a_path(tmp_path: Path, expect: str, more: str) -> None:
     result = flown(tmp_path, UP, FAST + expect + " }", '{ kind = "land" }', more=more)
     assert result.passed, result.expectations
 

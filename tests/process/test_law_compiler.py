@@ -34,7 +34,7 @@ def test_on_one_core_there_is_no_process(monkeypatch):
         assert other._process is None
 
 
-def test_it_ends_with_its_starter(tmp_path):
+def test_the_compiler_ends_with_its_starter(tmp_path):
     cold = {**os.environ, "XDG_CACHE_HOME": str(tmp_path)}
     starter = subprocess.Popen(
         [sys.executable, "-c", STARTER], stdout=subprocess.PIPE, text=True, env=cold
@@ -47,7 +47,7 @@ def test_it_ends_with_its_starter(tmp_path):
     until(lambda: not alive(pid), "the compiler has ended")
 
 
-def test_it_does_not_outlive_what_it_was_started_for(monkeypatch):
+def test_the_compiler_does_not_outlive_its_purpose(monkeypatch):
     monkeypatch.setattr(law_compiler, "_cores", lambda: 2)
     with law_compiler.law_compiler(loader.load()) as other:
         process = other._process

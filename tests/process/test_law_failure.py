@@ -61,7 +61,7 @@ def test_the_baseline_flies_on_over_the_wire_as_in_process(failing, tmp_path, ho
         assert np.isnan(rows["state.v_E"][begins[1] :]).all()
 
 
-def test_without_it_a_law_that_is_not_finite_is_flown_and_told(failing, tmp_path):
+def test_a_law_that_is_not_finite_is_flown_and_told_without_a_baseline(failing, tmp_path):
     flown = gcs_tools.fly(
         str(failing["not finite"]), in_process=True, out=tmp_path / "run", figure="never"
     )
@@ -84,7 +84,7 @@ def test_the_law_of_the_paper_may_fail_at_any_tick(tick):
     assert found.excursion_m < 3.0
 
 
-def test_that_the_baseline_waits_changes_no_bit_of_a_flight():
+def test_a_waiting_baseline_changes_no_bit_of_a_flight():
     plain = load("gust_step")
     plain = override(plain, "flight.duration_s=4")
     rows = [
@@ -93,7 +93,7 @@ def test_that_the_baseline_waits_changes_no_bit_of_a_flight():
     assert rows[0].tobytes() == rows[1].tobytes()
 
 
-def test_it_is_chosen_at_the_start():
+def test_the_baseline_is_chosen_at_the_start():
     law = loader.load()
     airframe = read_airframe(law)
     params = Parameters(
@@ -109,7 +109,7 @@ def test_it_is_chosen_at_the_start():
 
 
 @pytest.mark.parametrize("why", ["rotors stopped", "raised ValueError: " + 40 * "x"])
-def test_its_text_has_room(why):
+def test_text_of_a_law_failure_has_room(why):
     text = brief(Told(Code.LAW_FAILED, (why, "px4")))
     assert len(text) <= 50
     assert "px4" in text

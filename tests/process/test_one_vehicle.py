@@ -303,7 +303,7 @@ def flown(tmp_path, instance):
     return fly
 
 
-def test_there_are_a_dozen_and_none_asks_when_it_is_over():
+def test_scripts_are_a_dozen_and_none_asks_after_its_end():
     assert len(SCRIPTS) >= 12
     for name, (last, script) in SCRIPTS.items():
         assert max(tick for tick, *_ in script) < last, name
@@ -364,11 +364,11 @@ def test_a_script_has_one_flight_and_one_log(flown, name):
 
 
 @pytest.mark.parametrize("name", PACED)
-def test_and_in_real_time(flown, name):
+def test_a_script_has_the_same_flight_in_real_time(flown, name):
     assert flown(name, 1.0) == flown(name)
 
 
-def test_and_on_a_busy_machine(flown, busy_neighbours):
+def test_a_script_has_the_same_flight_on_a_busy_machine(flown, busy_neighbours):
     name = "has two who command"
     assert flown(name, None) == flown(name)
 
@@ -391,7 +391,7 @@ class SlowLink:
         return self.inbox.popleft() if self.asked > 1 and self.inbox else None
 
 
-def test_who_has_asked_twice_awaits_both_answers(monkeypatch):
+def test_a_client_that_asks_twice_awaits_both_answers(monkeypatch):
     """Or the second would take effect when time has gone on."""
     monkeypatch.setattr(ground_script, "ANSWER_S", 0.01)
     link = SlowLink()

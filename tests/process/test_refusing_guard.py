@@ -26,7 +26,9 @@ DOWN = {"kind": "land"}
 
 @pytest.mark.parametrize("end", [DOWN, AWAY], ids=["land", "return"])
 @pytest.mark.parametrize("height_m", [1.0, 5.0])
-def test_it_takes_off_and_lands_again(height_m: float, end: dict[str, Any]) -> None:
+def test_a_guard_that_refuses_takes_off_and_lands_again(
+    height_m: float, end: dict[str, Any]
+) -> None:
     """The reference is held to a jerk there, and what nobody looked ahead at swung ever farther."""
     mission = from_tables("refuses", {
         "title": "Up and down.",

@@ -177,7 +177,7 @@ def climb(script, to_z):
     script.first("LOCAL_POSITION_NED", lambda m: abs(m.z + to_z) < 0.1)
 
 
-def test_it_takes_off_again_and_parameters_stay(up, script, reset):
+def test_a_reset_vehicle_takes_off_again_and_keeps_parameters(up, script, reset):
     up("--speed", 4)
     name, system = b"MIS_TAKEOFF_ALT", script.target[0]
     script.send(mavlink.MAVLink_param_set_message(system, 1, name, 6.0, 9))
@@ -213,7 +213,7 @@ def test_mavlink_resets_it_as_a_reboot(up, script):
     script.first("LOCAL_POSITION_NED", lambda m: m.time_boot_ms > 2000)
 
 
-def test_in_flight_it_is_refused_with_a_sentence_unless_forced(up, script, mission, reset):
+def test_reset_in_flight_is_refused_unless_forced(up, script, mission, reset):
     up(mission(), "--speed", 3)
     script.first("HEARTBEAT", is_armed)
     code, said = reset()
@@ -306,7 +306,7 @@ def test_no_vehicle_is_up(start, instance):
     assert f"instance {instance} after 0.5 s" in program.text()
 
 
-def test_it_waits_for_a_vehicle_that_is_yet_to_come_up(start, instance):
+def test_reset_waits_for_a_vehicle_that_is_yet_to_come_up(start, instance):
     program = start("gcs_tools", "reset", "--instance", instance, "--timeout", PATIENCE_S)
     program.says("waiting for a vehicle to be up")
     up = start("gcs_tools", "up", "--instance", instance)

@@ -13,7 +13,7 @@ from gcs_tools.missions.mission import load
 
 
 @pytest.mark.parametrize("mission", ["noisy_state", "figure_eight"])
-def test_it_flies_the_ticks_of_a_law_alone_however_often_it_goes_back(mission):
+def test_resumed_flights_have_the_ticks_of_a_law_alone(mission):
     """With noise, and with setpoints that move."""
     scene = scenario(load(mission, ["flight.duration_s=2", "wind={steady_m_s=[3,1,0]}"]))
     plant, law = law_alone.fly(scene)

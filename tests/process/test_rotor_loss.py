@@ -37,7 +37,7 @@ reached = 1.0
 """
 
 
-def test_it_is_found_and_flown_on_without_over_the_wire_as_in_process(tmp_path):
+def test_a_lost_rotor_is_found_and_flown_without_both_ways(tmp_path):
     (tmp_path / "lost.toml").write_text(TEXT)
     for way, result in two_ways.fly_both(tmp_path / "lost.toml", tmp_path).items():
         rows = read(tmp_path / way / "flight.mcap").fcu
@@ -109,7 +109,7 @@ def flown(text, folder):
     return rows["state.r_E"], rows["state.v_E"]
 
 
-def test_on_the_way_down_it_sinks_no_faster_than_before(tmp_path):
+def test_rotor_loss_in_a_descent_makes_it_no_faster(tmp_path):
     """A guard that let go of the reference at once had it fall at 16.7 m/s to the ground."""
     r, v = flown(DOWN, tmp_path)
     assert v[:, 2].min() > -2.0
@@ -155,5 +155,5 @@ def test_the_baseline_that_waits_follows_the_loss():
 @pytest.mark.parametrize(
     "code", [Code.LOSS_NOT_SHARED, Code.LOSS_SHARED, Code.LOSS_LANDS, Code.LOSS_FALLS]
 )
-def test_its_text_has_room(code):
+def test_text_of_a_rotor_loss_has_room(code):
     assert len(brief(Told(Code.ROTOR_LOST, (8, Told(code))))) <= 50

@@ -56,7 +56,7 @@ CASES = {
 
 
 @pytest.mark.parametrize("case", CASES)
-def test_it_arrives_where_it_was_going(case: str) -> None:
+def test_a_vehicle_arrives_where_it_was_going_as_parameters_change(case: str) -> None:
     far, *said = CASES[case]
     rows = flown(far, 20.0, *said).flown().fcu
     off = column(SharedTick, rows, "measured.r_E") - np.array([far, 0.0, 0.0])

@@ -51,13 +51,13 @@ def child(tmp_path, monkeypatch):
         each.process.kill()
 
 
-def test_who_works_is_heard_to_the_end(child):
+def test_a_process_that_works_is_heard_to_the_end(child):
     works = child(WORKS)
     assert works.stop() == {"ended": "a test"}
     assert works.process.returncode == 0
 
 
-def test_who_does_nothing_is_ended(child):
+def test_a_process_that_does_nothing_is_ended(child):
     ignores = child(IGNORES)
     assert ignores.stop() == {}
     assert ignores.process.returncode == -signal.SIGKILL
@@ -72,7 +72,7 @@ def is_named(child):
     return False
 
 
-def test_who_is_suspended_is_named_to_whoever_waits_for_another_thing(child, monkeypatch, until):
+def test_a_suspended_process_is_named_to_who_waits(child, monkeypatch, until):
     """A vehicle that is to become ready, an echo, a tick: none of them comes."""
     monkeypatch.setattr(processes, "HANGS_S", 0.2)
     suspended = child("")

@@ -50,7 +50,7 @@ def quiet(program) -> None:
 
 @pytest.mark.parametrize("how", [WIRE, MEMORY])
 @pytest.mark.parametrize("mark", ["flight.mcap", "fcu.log", "plant.log"])
-def test_as_soon_as_a_file_is_made(fly, tmp_path, until, mark, how):
+def test_a_storm_as_soon_as_a_file_is_made_ends_the_flight(fly, tmp_path, until, mark, how):
     program = fly("urban_step", *LONG, *how)
     until((tmp_path / "run" / mark).exists, mark)
     assert storm(program) == 130
@@ -59,7 +59,7 @@ def test_as_soon_as_a_file_is_made(fly, tmp_path, until, mark, how):
 
 
 @pytest.mark.parametrize("how", [WIRE, MEMORY])
-def test_in_flight(fly, tmp_path, until, how):
+def test_a_storm_in_flight_ends_it_with_its_rows(fly, tmp_path, until, how):
     program = fly("urban_step", *LONG, *how)
     file = tmp_path / "run" / "flight.mcap"
     until(lambda: file.exists() and file.stat().st_size > 1 << 19, "a recording")
@@ -83,7 +83,7 @@ def test_once_a_flight_is_judged(fly, tmp_path, until, how):
 
 @pytest.mark.parametrize("how", [WIRE, MEMORY])
 @pytest.mark.parametrize("size", [0, 1 << 19])
-def test_side_by_side(fly, tmp_path, until, size, how):
+def test_a_storm_over_flights_side_by_side_ends_all(fly, tmp_path, until, size, how):
     names = ("urban_step", "gust_step", "paper_nominal")
     program = fly(*names, "-j", 2, *LONG, *how)
     files = [tmp_path / "run" / name / "flight.mcap" for name in names[:2]]

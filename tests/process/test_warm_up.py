@@ -27,7 +27,7 @@ for n in range(2):  # the first may have to compile
 """
 
 
-def test_nothing_is_loaded_in_flight(tmp_path):
+def test_no_module_is_loaded_in_flight(tmp_path):
     subprocess.run([sys.executable, "-c", FLY, tmp_path], check=True, stdout=subprocess.DEVNULL)
     for name in ("fcu.log", "plant.log"):
         said = (tmp_path / "1" / name).read_text()

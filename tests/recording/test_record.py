@@ -123,7 +123,7 @@ def test_parameters_and_events_come_back(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-def test_others_read_it_through_the_schemas_in_the_file(tmp_path: Path) -> None:
+def test_other_readers_read_a_recording_through_its_schemas(tmp_path: Path) -> None:
     """mcap's own indexed reader and google.protobuf, knowing nothing of this project."""
     path = tmp_path / "flight.mcap"
     plant, fcu = write(path, 400)

@@ -15,7 +15,7 @@ from sitl_plant.physics.types import PlantRecord
 FOLDER = Path(__file__).parents[2] / "docs" / "schemas"
 
 
-def test_files_are_current() -> None:
+def test_schema_files_are_current() -> None:
     written = {str(path.relative_to(FOLDER)): path.read_text() for path in FOLDER.rglob("*.proto")}
     assert written == schema.texts(), "run `make schemas`"
 

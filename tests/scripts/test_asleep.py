@@ -45,7 +45,7 @@ def begets():
 
 
 @pytest.mark.parametrize("how", ["child", "thread", "orphan"])
-def test_who_begins_to_run_between_two_looks_at_proc_is_seen(begets, monkeypatch, how):
+def test_a_process_that_begins_to_run_between_two_looks_is_seen(begets, monkeypatch, how):
     """After each of the files and folders that are read, in turn, something begins to run."""
     for moment in range(1, 1 + MOMENTS):
         with monkeypatch.context() as patched:
@@ -89,7 +89,7 @@ def looks_after(
     return [sleepers.have_slept() for _ in range(LOOKS)]
 
 
-def test_who_has_ended_sleeps(begets):
+def test_a_process_that_has_ended_sleeps(begets):
     program = begets("child")
     sleepers = Sleepers([program.pid])
     os.killpg(program.pid, signal.SIGKILL)

@@ -66,7 +66,7 @@ def test_a_program_that_waits_in_every_way_takes_the_same_time_twice():
     assert found[0] == found[1]
 
 
-def test_who_waits_ends_with_the_clock():
+def test_a_wait_ends_with_the_clock():
     clock = HeldClock()
     environment = {**os.environ, **clock.environment()}
     with subprocess.Popen([sys.executable, str(HERE / "waits.py")], env=environment) as program:

@@ -66,7 +66,7 @@ def versions(port, link, sock):
     return [sock.recv(300)[0] for _ in range(2 if not link.codec.speaks_v1 else 1)]
 
 
-def test_who_sends_mavlink_1_alone_is_answered_in_it_until_the_first_mavlink_2(port, client):
+def test_a_client_of_mavlink_1_is_answered_in_it_until_its_first_mavlink_2(port, client):
     made, listener = port
     sock = client()
     ((_, link),) = speak(made, sock, V1_BEAT)
@@ -80,7 +80,7 @@ def test_who_sends_mavlink_1_alone_is_answered_in_it_until_the_first_mavlink_2(p
     assert versions(made, link, sock) == [0xFD, 0xFD]  # it has shown that it reads them
 
 
-def test_who_comes_to_the_port_of_one_who_is_gone_is_asked_anew(port, client):
+def test_a_newcomer_on_a_port_that_was_left_finds_a_new_link(port, client):
     made, _ = port
     sock = client()
     ((_, link),) = speak(made, sock, BEAT)
@@ -89,7 +89,7 @@ def test_who_comes_to_the_port_of_one_who_is_gone_is_asked_anew(port, client):
 
 
 @pytest.mark.parametrize("size", [296, 512])
-def test_whoever_reads_so_many_bytes_at_a_time_loses_nothing(port, size):
+def test_a_client_with_a_short_buffer_loses_nothing(port, size):
     """296: MAVROS (libmavconn, `MsgBuffer::MAX_SIZE`); 512: gomavlib (`bufferSize`)."""
     made, listener = port
     sent = [
@@ -145,7 +145,7 @@ def test_nobody_at_the_listeners_port_costs_the_others_nothing(port, client):
 
 
 @pytest.mark.parametrize(("silent_s", "kept"), [(GONE_S, True), (GONE_S + 1.0, False)])
-def test_one_who_has_beaten_and_falls_silent_is_another_when_he_is_back(port, silent_s, kept):
+def test_a_client_that_beat_and_fell_silent_finds_a_new_link(port, silent_s, kept):
     made, listener = port
     speak(made, listener, BEAT, 100.0)
     made.listener.has_rates, made.listener.streams = True, {30: [1.0, 0.0]}
@@ -153,7 +153,7 @@ def test_one_who_has_beaten_and_falls_silent_is_another_when_he_is_back(port, si
     assert bool(made.listener.streams) == kept
 
 
-def test_one_who_never_beats_keeps_what_he_has_asked_for(port):
+def test_a_client_that_never_beats_keeps_its_rates(port):
     made, listener = port
     speak(made, listener, PING, 100.0)
     made.listener.has_rates, made.listener.streams = True, {30: [1.0, 0.0]}

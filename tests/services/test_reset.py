@@ -61,7 +61,7 @@ def test_disarmed_it_is_accepted(commands, first, resets):
         (1.0, 0, Code.TO_NO_SYSTEM),
     ],
 )
-def test_what_it_is_not(commands, first, system, why):
+def test_commands_that_are_no_reset(commands, first, system, why):
     assert asked(commands, first, system=system) == (Result.DENIED, why)
     assert not commands.reset_asked
 

@@ -71,7 +71,7 @@ def read(client, n):
     return messages
 
 
-def test_who_connects_hears_telemetry_without_a_word(met):
+def test_a_connection_hears_telemetry_without_a_word(met):
     client = met.connect()
     met.until(met.port.links)
     met.port.broadcast(message("HEARTBEAT", type=14))
@@ -112,7 +112,7 @@ def fill(met, link):
     return sent
 
 
-def test_who_does_not_read_loses_whole_messages_and_holds_nobody_up(met):
+def test_a_client_that_does_not_read_loses_whole_messages_and_holds_nobody_up(met):
     slow, quick = met.connect(), met.connect()
     met.until(lambda: len(met.port.links()) == 2)
     slow.sendall(ping(1))
@@ -143,7 +143,7 @@ def test_a_place_is_for_one_and_free_again_when_its_client_has_gone(met):
     assert len(met.hear(1)) == 1
 
 
-def test_who_has_not_read_for_long_is_cut_though_there_are_places(met, monkeypatch):
+def test_a_client_that_has_not_read_for_long_is_cut(met, monkeypatch):
     slow, quick = met.connect(), met.connect()
     met.until(lambda: len(met.port.links()) == 2)
     slow.sendall(ping(1))

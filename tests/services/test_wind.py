@@ -38,7 +38,7 @@ def test_a_level_wind_comes_out_whatever_the_mass_is_taken_for(v_air, v, m_hat):
     assert math.isnan(found.z)
 
 
-def test_it_is_not_known_before_the_first_look_and_follows_then_within_a_second():
+def test_wind_is_unknown_before_the_first_look_and_follows_within_a_second():
     wind = Wind(DRAG)
     assert math.isnan(wind.v_air_E.x)
     assert wind.variance < 0.0

@@ -153,7 +153,7 @@ def test_a_reference_that_swings_about_its_setpoint_is_not_late():
     assert 0.5 < verdict(found, flown(found)).took < 1.0
 
 
-def test_everything_is_drawn_within_the_beliefs():
+def test_draws_lie_within_the_beliefs():
     vehicle, drag = believed()[1]["vehicle"], believed()[1]["air"]["drag"]
     shipped = sampled_attack(1, 0, How(as_shipped=True)).scene
     for k in range(60):

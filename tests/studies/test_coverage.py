@@ -14,7 +14,7 @@ CASE = coverage.Case(
 )
 
 
-def test_there_are_as_many_cases_as_told():
+def test_coverage_has_as_many_cases_as_told():
     assert len(coverage.cases(20.0, {})) == 12 * 3 * 3
 
 

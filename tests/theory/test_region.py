@@ -37,7 +37,7 @@ def test_the_limit_of_all_channels():
     assert limit(channels, "printed") == pytest.approx(3.0 * math.sqrt(3.0))
 
 
-def test_the_demand_itself():
+def test_demand_of_known_control():
     K, Lambda = np.array([[2.0, 0.0]]), np.array([[0.5]])
     x, nothing, r, d = np.array([1.0, 5.0]), np.array([0.2]), np.array([3.0]), np.array([0.1])
     assert known_control(K, x, nothing, Lambda, r, d) == pytest.approx(abs(-2.0 - 0.2 + 6.0 - 0.1))
@@ -45,7 +45,7 @@ def test_the_demand_itself():
     assert printed == pytest.approx(2.0 + 0.2 + 6.0 + 0.1)
 
 
-def test_the_known_budget():
+def test_budget_of_known_control():
     found = known_budget(SIZES, AT, 10.0, gamma_A=1.2, e_0=0.5)
     per_state = 2.0 + 3.0 * 0.5
     assert found == (10.0, 3.0, 0.35, 4.0, 0.3 + 0.2, pytest.approx(1.2 * per_state * 0.5), 0, 0, 0)

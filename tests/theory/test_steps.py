@@ -106,7 +106,7 @@ def position_by_the_kernels(params, start, achieved):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("form", ["achieved", "demanded"])
-def test_position(free, taken_over, form):
+def test_position_step_is_backward_euler(free, taken_over, form):
     achieved = form == "achieved"
     exact = position_of_the_general_form(free(prediction=form), achieved)
 
@@ -189,7 +189,7 @@ def rates_by_the_kernels(params, start, achieved):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("form", ["achieved", "demanded"])
-def test_rates(free, taken_over, form):
+def test_rate_step_is_backward_euler(free, taken_over, form):
     """As printed, departure 9 adds h (Phi Gamma Phi^T) to lambda: it vanishes with h, so the step
     converges to (41) and (45) all the same.
     """

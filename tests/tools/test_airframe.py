@@ -60,7 +60,7 @@ def test_numbers_of_the_octocopter():
     assert not pins["rotor_response_s"].pinned
 
 
-def test_what_it_prints(tmp_path):
+def test_printed_numbers_of_an_airframe(tmp_path):
     done = gcs("x8")
     assert done.exit_code == 0
     for words in ("It flies", "8 rotors", "Authority beside hover", "gain margin", "c_rate"):

@@ -33,7 +33,7 @@ def said(*numbers: int) -> Sample:
         ((4,), [], [4]),
     ],
 )
-def test_in_the_order_in_which_it_was_said(tmp_path, before, then, there):
+def test_messages_are_recorded_in_their_order(tmp_path, before, then, there):
     path = tmp_path / "recorded.mcap"
     with BusRecorder(path, {}, TOPICS) as recorder:
         recorder.before(events.TOPIC, said(*before))

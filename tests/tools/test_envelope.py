@@ -44,7 +44,7 @@ def test_a_mission_that_is_certain_says_so(tmp_path):
     assert str(picture) in done.stdout
 
 
-def test_one_that_the_guard_governs_is_no_failure_and_what_is_not_believed_is_said():
+def test_a_setpoint_that_the_guard_governs_is_no_failure():
     done = gcs("paper_fast_governed")
     assert done.exit_code == 0
     headline, given = " ".join(done.stdout.split()).split("For the setpoints as given it fails")
@@ -82,7 +82,7 @@ def test_a_plan_that_the_vehicle_does_not_take_has_no_margins(tmp_path):
 
 
 @pytest.mark.parametrize("mission", ["paper_fast_governed", "paper_fast"])
-def test_one_that_fails_is_told_to_be_no_prediction(mission):
+def test_a_condition_that_fails_is_told_to_be_no_prediction(mission):
     assert "sufficient, not necessary" in gcs(mission).stdout
     assert "sufficient, not necessary" not in gcs("gust_step").stdout
 
@@ -178,7 +178,7 @@ def test_every_key_of_its_json_is_explained():
         assert f"`{key}`" in rows, key
 
 
-def test_one_that_is_not_says_what_uses_the_margin_up_and_what_would_do():
+def test_a_setpoint_outside_says_what_uses_the_margin_up_and_what_would_do():
     done = gcs("paper_fast", "--json")
     assert done.exit_code == 1, done.stderr
     said = json.loads(done.stdout)
@@ -281,7 +281,7 @@ def test_noise_and_delay_that_are_not_believed_are_said():
     assert "six times a spread of 0.02 m/s" in " ".join(plain.stdout.split())
 
 
-def test_what_would_do_does():
+def test_settings_said_to_do_suffice():
     """The largest f_m it names meets the condition, one that is 5 % more does not."""
     found = envelope(load("paper_nominal"))
     f_m = next(c.would_do for c in found.changes if c.what == "f_m")

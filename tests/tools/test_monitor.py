@@ -15,7 +15,7 @@ def plain(text: Text) -> str:
         return text.plain
 
 
-def test_its_numbers_are_the_flights(recording, replay, tool):
+def test_numbers_of_the_monitor_are_the_flights(recording, replay, tool):
     # half a minute of the wall for three seconds: it is still there when a busy machine looks
     replay("--from", "3", "--speed", "0.1", "--wait")
     seen = tool("monitor", "--after", "0.2")
@@ -38,7 +38,7 @@ def test_its_numbers_are_the_flights(recording, replay, tool):
 
 
 @pytest.mark.parametrize(("columns_", "lines"), [(150, 45), (100, 30), (60, 20)])
-def test_its_picture_fits_the_terminal(replay, start, instance, columns_, lines):
+def test_picture_of_the_monitor_fits_the_terminal(replay, start, instance, columns_, lines):
     import os
 
     replay("--speed", "0.25", "--wait")
@@ -59,19 +59,19 @@ def test_a_picture_on_file(replay, start, instance, tmp_path):
 
 
 @pytest.mark.parametrize(("seconds", "least", "most"), [(1, 1.0, 2.9), (10, 2.9, 3.0)])
-def test_it_watches_so_much_of_the_flight_or_until_that_ends(replay, tool, seconds, least, most):
+def test_monitor_watches_for_its_time_or_until_the_flight_ends(replay, tool, seconds, least, most):
     """Seconds of simulation time, of a flight that ends at 3 s and is slow, so that a busy machine keeps up."""
     replay("--speed", "0.25", "--wait", "--to", "3")
     assert least <= tool("monitor", "--for", seconds, "--timeout", 60)["time_s"] <= most
 
 
-def test_it_waits_for_a_vehicle_as_long_as_it_is_to_watch(start, instance):
+def test_monitor_waits_for_a_vehicle_as_long_as_it_is_to_watch(start, instance):
     program = start("gcs_tools", "monitor", "--for", "0.2", "--instance", instance)
     assert program.wait() == 3
     program.says("did not publish within 0.2 s")
 
 
-def test_it_waits_for_a_vehicle_and_ends_on_request(start, instance):
+def test_monitor_waits_for_a_vehicle_and_ends_on_request(start, instance):
     program = start("gcs_tools", "monitor", "--instance", instance)
     program.says(f"waiting for instance {instance} to publish")
     assert program.interrupted() == 130  # off a terminal it would be a single picture

@@ -40,7 +40,7 @@ def test_a_part_of_it(recording, replay, tool, recorded):
     assert found.params == recording.params  # told before, and still in force
 
 
-def test_it_keeps_time(replay, tool, recorded):
+def test_replay_keeps_time(replay, tool, recorded):
     replay("--speed", "0.5", "--wait")
     seen = tool("monitor", "--after", "2")
     assert 0.0 < seen["time_s"] < 5.9  # under way: not all of it at once
@@ -84,7 +84,7 @@ def test_a_topic_that_is_no_key_is_named(recording, tmp_path, name):
     assert f"{path}: topic {name!r}" in done.stderr
 
 
-def test_it_is_interrupted(replay, until):
+def test_replay_is_interrupted(replay, until):
     program = replay("--loop")
     program.says("replaying")
     assert program.interrupted() == 0

@@ -58,7 +58,7 @@ def test_of_two_vehicles_the_one_that_was_asked_for_is_met_and_named(
         assert all(name in met + beside for name in (one, other))
 
 
-def test_who_hears_nothing_says_so(start, instance):
+def test_topics_says_when_no_vehicle_is_heard(start, instance):
     program = start("gcs_tools", "topics", "--instance", instance)
     program.says("waiting for instance")
     assert program.interrupted() == 130

@@ -37,7 +37,7 @@ def told(watch, ticks, airborne):
     return [at_us for at_us, _ in found]
 
 
-def test_in_flight_it_is_told_once(watch):
+def test_a_contradicted_belief_is_told_once_in_flight(watch):
     assert told(watch, rows(1.0, up=False), True) == []
     assert told(watch, rows(2.0, 2.002), True) == [2_000_000]
     assert told(watch, rows(3.0), True) == []

@@ -297,7 +297,7 @@ PAIRS = [
 ]
 
 
-def test_there_are_hundreds_of_pairs():
+def test_pairs_of_conditions_are_hundreds():
     assert len(PAIRS) > 300
 
 
@@ -417,7 +417,7 @@ def test_a_rotor_that_gains_speed_is_not_lost_however_long_it_lags(vehicle, lag)
 
 
 @pytest.mark.parametrize("turns", [lambda _: 0.0, lambda _: 0.3, lambda t: math.exp(-t / 0.25)])
-def test_one_that_stands_turns_too_slowly_or_runs_down_is_lost(vehicle, turns):
+def test_a_rotor_that_stands_turns_too_slowly_or_runs_down_is_lost(vehicle, turns):
     vehicle.watch[WANTED] = 8.2e-5 * HOVER * HOVER
     slow_us = next(t for t in range(0, 3_000_000, TICK) if turns(t * 1e-6) < 0.5)
     found = [

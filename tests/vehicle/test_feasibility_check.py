@@ -105,7 +105,7 @@ def test_a_look_in_coarse_steps_sees_what_every_tick_of_the_way_holds(way, refer
 
 
 @pytest.mark.parametrize("a_m", [ZERO, Vec3(0.0, 0.0, -1.5), Vec3(3.0, 0.0, 2.0)])
-def test_who_refuses_looks_from_the_acceleration_there_is_and_at_no_jumps(a_m):
+def test_a_check_that_refuses_looks_from_the_acceleration_there_is(a_m):
     law, guard = settings(*AIRFRAME, 100.0, {"guard": "refuse", "f_m": 1.0})
     for far in (0.5, 1.0, 2.0):
         way = [(at(Vec3(0.0, 0.0, far)), 3.0), (at(), math.inf)]  # and back: at its worst moment
@@ -202,7 +202,7 @@ def vehicle():
 FAR, NEAR = at(Vec3(30.0, 0.0, 0.0)), at(Vec3(2.0, 0.0, 0.0))
 
 
-def test_only_where_the_law_does_not_govern_somebody_looks(vehicle):
+def test_a_check_looks_only_where_the_law_does_not_govern(vehicle):
     assert vehicle("govern").feasibility.short(FAR, AT_REST) == 0.0
     assert vehicle("warn").feasibility.short(FAR, AT_REST) > 100.0
     assert vehicle("refuse").feasibility.short(FAR, AT_REST) > 100.0

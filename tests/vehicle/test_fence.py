@@ -290,7 +290,7 @@ def reached(made, start, end, keeps):
 
 
 @pytest.mark.parametrize("seed", range(60))
-def test_there_is_a_way_where_there_is_one_and_it_keeps_clear(seed):
+def test_a_way_around_is_found_where_there_is_one_and_keeps_clear(seed):
     rng = random.Random(seed)
     areas = [ISLAND]
     for _ in range(rng.randint(2, 7)):
@@ -398,7 +398,7 @@ def test_a_breach_counts_once_until_the_vehicle_is_inside_again():
     assert math.hypot(flight.r.x, flight.r.y) < 1.0
 
 
-def test_it_is_not_armed_outside():
+def test_a_vehicle_outside_its_fence_is_not_armed():
     flight = Flown()
     flight.fly(0.5)
     flight.vehicle.take_fence((Disc(True, 30.0, 0.0, 5.0),))

@@ -71,7 +71,7 @@ class Follow(Flown):
         return self.vehicle.pose().psi
 
 
-def test_without_a_target_it_stays():
+def test_a_vehicle_without_a_target_stays():
     flown = Follow()
     before = flown.r
     flown.fly(5.0)
@@ -135,7 +135,7 @@ def test_a_target_that_falls_silent_is_stopped_for():
     assert flown.r.x < place(20.0).x
 
 
-def test_it_is_no_faster_than_it_may_be():
+def test_following_is_no_faster_than_allowed():
     flown = Follow(FLW_TGT_MAX_VEL=1.0)
     fastest = 0.0
     for k in range(40):

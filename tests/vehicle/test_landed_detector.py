@@ -30,7 +30,7 @@ def looks(detector, n, *what, since_us=0):
     return [detector.see(state(*what), since_us + k * LOOK_US) for k in range(n)]
 
 
-def test_it_starts_where_it_stands_or_flies(detector):
+def test_the_detector_starts_on_the_ground_or_in_flight(detector):
     assert detector.see(state(0.3, 0.0), 0)
     assert not detector.has_flown
     flying = LandedDetector(Rotors(*[C_T] * 8), 49.0)

@@ -54,7 +54,7 @@ def test_a_jump_is_flown_by_velocity_until_the_position_is_back(position_filter,
     assert position_filter.off == 0.0
 
 
-def test_the_edge(position_filter):
+def test_a_step_just_below_the_jump_limit_passes(position_filter):
     assert not position_filter.pass_on(state(5.0 * H + 0.999 * JUMP), H, 2000)
 
 
@@ -83,7 +83,7 @@ def test_a_state_that_has_failed_is_gone_on_from_and_the_next_valid_one_believed
     assert not passes.has_failed and passes.off == 0.0
 
 
-def test_that_a_state_is_lost_is_told_of_a_vehicle_once_it_is_armed():
+def test_a_lost_state_is_told_once_the_vehicle_is_armed():
     passes = PositionFilter()
     passes.take(state(0.0))
     told = [[each.code for each in passes.fail(H, 2000 * k, k > 500)] for k in range(1, 600)]

@@ -135,7 +135,7 @@ def test_a_battery_that_runs_low_returns_and_lands(flown):
 
 
 @pytest.mark.parametrize("kind", ["noise", "jump", "stuck"])
-def test_the_position_filter(kind):
+def test_a_quiet_position_filter_changes_no_byte(kind):
     random = np.random.default_rng(5)
     one, other = PositionFilter(), PositionFilter()
     state = np.zeros(size(VehicleState))

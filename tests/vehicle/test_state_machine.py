@@ -118,7 +118,7 @@ def test_arming_twice_changes_nothing(armed):
     assert armed.setpoint is before
 
 
-def test_it_is_not_disarmed_in_flight_but_by_force(armed):
+def test_a_vehicle_in_flight_is_disarmed_by_force_alone(armed):
     assert armed.disarm(TICK) == refused(Code.IN_FLIGHT)
     assert armed.armed
     assert armed.disarm(TICK, forced=True).granted
@@ -132,7 +132,7 @@ def test_termination_is_for_good(armed):
     assert not armed.arm(TICK, 0.0).granted
 
 
-def test_it_disarms_if_it_does_not_take_off(params):
+def test_an_armed_vehicle_that_does_not_take_off_disarms(params):
     vehicle = StateMachine(params)
     ground = state(Vec3(0.0, 0.0, 0.3), Omega=0.0)
     vehicle.observe(ground, 0, 0.0)
@@ -234,7 +234,7 @@ def test_a_turn_holds_where_it_comes_to_rest(armed):
     assert (armed.mode, armed.setpoint.r_c, armed.setpoint.psi_c) == (Mode.HOLD, HERE, 1.5)
 
 
-def test_it_comes_to_rest_ahead_of_where_it_is(params):
+def test_hold_comes_to_rest_ahead_of_where_the_vehicle_is(params):
     vehicle = StateMachine(params, sim_only=True)
     vehicle.observe(state(v_E=Vec3(3.0, 0.0, 0.0)), 0, 0.0)
     there = vehicle.stopping_place(0)

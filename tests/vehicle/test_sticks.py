@@ -229,7 +229,7 @@ def test_a_filtered_tilt_comes_later():
 
 
 @pytest.mark.parametrize("mode", [Mode.POSITION, Mode.ALTITUDE])
-def test_it_stands_flat_until_the_throttle_is_above_65_percent(mode):
+def test_a_vehicle_stands_flat_until_the_throttle_is_above_65_percent(mode):
     flown = Stick(mode)
     assert flown.arm().granted
     stood = flown.r
@@ -241,7 +241,7 @@ def test_it_stands_flat_until_the_throttle_is_above_65_percent(mode):
 
 
 @pytest.mark.parametrize("mode", BY_THRUST)
-def test_it_stands_flat_until_its_thrust_lifts_it(mode):
+def test_a_vehicle_stands_flat_until_its_thrust_lifts_it(mode):
     flown = Stick(mode)
     assert flown.arm().granted
     stood = flown.r
@@ -388,7 +388,7 @@ def leaves(mode, sticks, to=Mode.HOLD, seconds=3.0):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("mode", [Mode.ALTITUDE, Mode.STABILIZED, Mode.ACRO, Mode.POSITION])
-def test_it_stops_where_sticks_are_left(mode):
+def test_a_vehicle_stops_where_sticks_are_left(mode):
     """Once tilt and speed are those that the vehicle is led with, nothing saturates any more."""
     sticks = {"pitch": 0.25, "throttle": 0.2} if mode is Mode.ACRO else {"pitch": 1.0}
     if mode is Mode.STABILIZED:

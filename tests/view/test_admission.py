@@ -83,7 +83,7 @@ def test_the_link_sets_a_cookie_and_leads_to_an_address_without_its_secret(app, 
     assert (headers["Referrer-Policy"], headers["X-Frame-Options"]) == ("no-referrer", "DENY")
 
 
-def test_its_own_page_gets_the_websocket(page, cookie):
+def test_the_own_page_gets_the_websocket(page, cookie):
     with opened(page, {"Cookie": f"other=1; {cookie}"}) as socket:
         assert socket.recv(timeout=10.0)
 

@@ -30,7 +30,7 @@ def _ended(started):
     return started.process.returncode, out, err
 
 
-def test_it_serves_this_machine_alone_and_ends_when_told(recording, gcs_view):
+def test_view_serves_this_machine_alone_and_ends_when_told(recording, gcs_view):
     started = gcs_view(recording.path)
     place = urlsplit(started.url)
     host, port = place.hostname, place.port
@@ -83,7 +83,7 @@ def test_a_recording_that_cannot_be_read(tmp_path, gcs_view, content, said):
     assert "Traceback" not in err
 
 
-def test_without_the_extra_it_says_how_to_install_it(recording, gcs_view):
+def test_view_says_how_to_install_its_extra(recording, gcs_view):
     absent = f"import sys; sys.modules['viser'] = None; {COMMAND}"
     code, out, err = _ended(gcs_view(recording.path, code=absent))
     assert (code, out) == (3, "")

@@ -22,7 +22,7 @@ def files(bare: Bare) -> dict[str, int]:
     }
 
 
-def test_nothing_of_the_checkout_is_imported(bare: Bare, tmp_path: Path) -> None:
+def test_the_wheel_imports_no_file_of_the_checkout(bare: Bare, tmp_path: Path) -> None:
     show = "import fcu, gcs_tools, sitl_plant as s; print(*(m.__path__[0] for m in (fcu, gcs_tools, s)))"
     done = bare.run(tmp_path, "python", "-c", show)
     assert done.stdout.split() == [
@@ -62,7 +62,7 @@ def test_a_mission_by_name_is_the_flight_of_the_checkout(bare: Bare, tmp_path: P
     ],
     ids=["airframe", "law", "script-mission", "script", "campaign"],
 )  # fmt: skip
-def test_what_a_user_flies(
+def test_the_wheel_flies_a_mission(
     bare: Bare, tmp_path: Path, arguments: list[str], copied: list[str]
 ) -> None:
     for name in copied:
