@@ -20,15 +20,23 @@ def _step(axis: Any) -> str:
 
 
 def divergence(field: Field) -> float:
-    """RMS of the divergence (1/s) of the cells of a staggered field at its first time. NaN of another."""
+    """RMS of the divergence (1/s) of the cells of a staggered field at its first time. NaN of another.
+
+    Cells without their last face, as in PALM's files, are left out.
+    """
     u, v, w = field.u.v[0], field.v.v[0], field.w.v[0]
-    nz, ny, nx = v.shape[0], u.shape[1], w.shape[2]
-    if (u.shape[2], v.shape[1], w.shape[0]) != (nx + 1, ny + 1, nz + 1) or u.shape[0] != nz:
-        return float("nan")
+    nz, ny, nx = w.shape[0] - 1, v.shape[1] - 1, u.shape[2] - 1
+    nz, ny, nx = min(nz, len(field.u.z)), min(ny, len(field.u.y)), min(nx, len(field.v.x))
+    of_cells = (field.v.x, field.w.x), (field.u.y, field.w.y), (field.u.z, field.v.z)
+    faces = (field.u.x, nx), (field.v.y, ny), (field.w.z, nz)
+    for (face, n), centres in zip(faces, of_cells, strict=True):
+        for of in centres:
+            if n < 1 or len(of) < n or not ((face[:n] < of[:n]) & (of[:n] < face[1 : n + 1])).all():
+                return float("nan")
     d = (
-        np.diff(u[:, :ny], axis=2) / np.diff(field.u.x)
-        + np.diff(v[:, :, :nx], axis=1) / np.diff(field.v.y)[:, None]
-        + np.diff(w[:, :ny], axis=0) / np.diff(field.w.z)[:, None, None]
+        np.diff(u[:nz, :ny, : nx + 1], axis=2) / np.diff(field.u.x[: nx + 1])
+        + np.diff(v[:nz, : ny + 1, :nx], axis=1) / np.diff(field.v.y[: ny + 1])[:, None]
+        + np.diff(w[: nz + 1, :ny, :nx], axis=0) / np.diff(field.w.z[: nz + 1])[:, None, None]
     )
     return float(np.sqrt(np.mean(np.square(d))))
 

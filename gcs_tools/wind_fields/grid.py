@@ -53,11 +53,16 @@ def wrong(source: str, what: str) -> FieldError:
 
 
 def check_units(source: str, name: str, units: Any, known: set[str]) -> None:
-    """Raise FieldError for a unit that is stated and is another than expected."""
+    """Raise FieldError for a unit that is stated and is another than expected.
+
+    Times may be counted from a date ("seconds since 2026-06-21 12:00:00 +00").
+    """
     if isinstance(units, np.ndarray) and units.size == 1:
         units = units.ravel()[0]
     text = units.decode(errors="replace") if isinstance(units, bytes) else str(units)
     said = "" if units is None else text.strip()
+    if known is SECONDS:
+        said = said.partition(" since ")[0].strip()
     if said and said.lower() not in known:
         raise wrong(source, f"{name} is in {said!r}: expected {sorted(known)[0]}; convert it first")
 
