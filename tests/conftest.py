@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import gc
 import subprocess
 import sys
 import tempfile
+from collections.abc import Generator
 from pathlib import Path
 
 import pytest
@@ -14,7 +16,8 @@ settings.register_profile("project", deadline=None, derandomize=True)
 settings.load_profile("project")
 
 # The whole of these takes real processes, a browser or the clients of others; of the other
-# folders `--quick` leaves out what is marked `slow`: processes, and seconds of computing.
+# folders `--quick` leaves out what is marked: `slow` are processes, `computes` takes long to compute
+# or compiles kernels of its own. What it leaves is to take less than a minute on two cores.
 SLOW_FOLDERS = {
     "attacks",
     "bad_input",
@@ -33,6 +36,9 @@ SLOW_FOLDERS = {
     "view",
     "wheel",
 }
+
+
+LEFT_OUT = "slow", "computes"
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
@@ -54,6 +60,17 @@ def pytest_sessionstart(session: pytest.Session) -> None:
                 subprocess.run([*fly, *short], stdout=subprocess.DEVNULL, check=False)
 
 
+@pytest.hookimpl(wrapper=True)
+def pytest_collection() -> Generator[None, object, object]:
+    """Collect tests without looking for garbage, which is half of the time, nor among them later."""
+    gc.disable()
+    try:
+        return (yield)
+    finally:
+        gc.freeze()
+        gc.enable()
+
+
 def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool | None:
     here = Path(__file__).parent
     slow = collection_path.parent == here and collection_path.name in SLOW_FOLDERS
@@ -62,9 +79,9 @@ def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
     if config.getoption("quick"):
-        slow = [item for item in items if item.get_closest_marker("slow")]
-        config.hook.pytest_deselected(items=slow)
-        items[:] = [item for item in items if not item.get_closest_marker("slow")]
+        left_out = [item for item in items if any(map(item.get_closest_marker, LEFT_OUT))]
+        config.hook.pytest_deselected(items=left_out)
+        items[:] = [item for item in items if not any(map(item.get_closest_marker, LEFT_OUT))]
     items[:] = _dealt(items, getattr(config, "workerinput", {}).get("workercount", 1))
 
 

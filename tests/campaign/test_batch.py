@@ -43,6 +43,7 @@ def drawn(make):
     return campaign.plan(), asked
 
 
+@pytest.mark.computes
 def test_lanes_change_no_row(drawn, monkeypatch):
     plan, asked = drawn
     flown = []

@@ -5,6 +5,7 @@ from __future__ import annotations
 from functools import partial
 
 import numpy as np
+import pytest
 
 from gcs_tools.campaigns.analysis import LIKELY, _of_words
 from gcs_tools.campaigns.statistics import interval
@@ -14,6 +15,7 @@ WORDS = list("abcdef")
 RARE = [0.9, 0.02, 0.02, 0.02, 0.02, 0.02]
 
 
+@pytest.mark.computes
 def test_a_word_that_few_flights_have_explains_no_failure_by_chance():
     random, found = np.random.default_rng(3), 0
     for _ in range(300):

@@ -68,6 +68,7 @@ def test_metrics_are_shown_and_ranked_by_the_first_and_change_no_flight(file):
     assert found.identity == read(file).identity
 
 
+@pytest.mark.computes
 def test_a_folder_keeps_what_was_changed(file, tmp_path):
     out = tmp_path / "out"
     changed = (
@@ -119,6 +120,7 @@ def test_a_folder_with_changes_that_are_none_is_refused(file, tmp_path, changes)
         ('"mmrac", {', '"se3", {', Changes(), 'its laws[0] is "mmrac", here "se3"'),
     ],
 )  # fmt: skip
+@pytest.mark.computes
 def test_another_campaign_in_a_folder_is_told_by_the_first_key_that_differs(
     file, tmp_path, was, now, changes, said
 ):

@@ -7,7 +7,6 @@ import signal
 import warnings
 from contextlib import contextmanager
 
-import distributed
 import pytest
 
 from gcs_tools.campaigns.cluster import cluster
@@ -25,6 +24,8 @@ pytestmark = [
 @contextmanager
 def local(workers: int):
     """A scheduler and workers, each a process; a worker that is killed is started anew."""
+    import distributed  # a second, which the others of this folder need not
+
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         with distributed.LocalCluster(

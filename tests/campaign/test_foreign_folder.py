@@ -40,6 +40,7 @@ def test_a_flipped_bit_of_a_part_never_becomes_another_row(make, tmp_path):
     assert Store(out, campaign, HERE).flown == 40
 
 
+@pytest.mark.computes
 def test_a_flipped_bit_of_the_flights_is_refused_or_changes_no_row(make, tmp_path):
     campaign, out = make("flights = 40"), tmp_path / "out"
     whole = bytearray(finished(campaign, out, Fake(invented)))

@@ -46,6 +46,7 @@ def found(limit, seed, n=1500, stage=400):
 
 
 @pytest.mark.parametrize(("limit", "p"), CASES[:2], ids=["linear", "two_sided"])
+@pytest.mark.computes
 def test_the_interval_covers_a_known_probability(limit, p):
     estimates = [found(limit, seed)[0] for seed in range(60)]
     covered = sum(each.low <= p <= each.high for each in estimates)
@@ -55,6 +56,7 @@ def test_the_interval_covers_a_known_probability(limit, p):
     assert np.median([each.high - each.low for each in estimates]) < 0.5 * p
 
 
+@pytest.mark.computes
 def test_a_ring_of_failures_is_not_missed():
     limit, p = CASES[2]
     estimates = [found(limit, seed)[0] for seed in range(30)]
@@ -98,6 +100,7 @@ def test_failures_of_unequal_weight_say_less():
     assert estimate(np.ones(10), np.zeros(10, dtype=bool), 0.95).effective == 0.0
 
 
+@pytest.mark.computes
 def test_few_failures_are_doubted():
     limit, _ = CASES[0]
     few, many = ([found(limit, seed, n=n)[0] for seed in range(20)] for n in (100, 1500))

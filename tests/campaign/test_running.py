@@ -102,6 +102,7 @@ def test_an_early_end_is_at_the_same_flight_for_all(make, tmp_path):
     assert n < 2000
 
 
+@pytest.mark.computes
 def test_parts_are_joined_before_there_are_too_many(make, tmp_path, monkeypatch):
     monkeypatch.setattr(stores, "PART_S", 0.0)
     campaign = make("flights = 6000")

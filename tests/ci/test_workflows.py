@@ -20,9 +20,9 @@ import pytest
 import yaml
 
 from tests.patience import PATIENCE_S
-from tests.wheel.conftest import ROOT, Bare, bare, compiled, environment, wheel
+from tests.wheel.conftest import ROOT, Bare, compiled, environment, wheel
 
-__all__ = ["bare", "wheel"]
+__all__ = ["wheel"]
 
 FILES = ROOT / "docs" / "ci"
 GITHUB_BASH = ["bash", "--noprofile", "--norc", "-eo", "pipefail"]
@@ -112,18 +112,15 @@ class Job:
 
 
 @pytest.fixture
-def job(tmp_path: Path, wheel: Path, bare: Bare) -> Job:
+def job(tmp_path: Path, wheel: Path) -> Job:
     """A job in a user's repository: a mission that is met, a script that flies, an environment without us."""
-    made = environment(tmp_path / "environment")
+    made = Bare(environment(tmp_path / "environment"), tmp_path / "home", wheel)
     (tmp_path / "home").mkdir()
     for name in ("flights", "scripts"):
         (tmp_path / "work" / name).mkdir(parents=True)
     shutil.copy(ROOT / "missions" / "airframe_step.toml", tmp_path / "work/flights/step.toml")
     shutil.copy(ROOT / "tests/scripts/hop.py", tmp_path / "work/scripts/hop.py")
-    variables = bare.variables() | {
-        "HOME": str(tmp_path / "home"), "PATH": f"{made / 'bin'}:/usr/bin:/bin",
-    }  # fmt: skip
-    return Job(tmp_path, wheel, variables)
+    return Job(tmp_path, wheel, made.variables())
 
 
 def cases(folder: Path) -> dict[str, list[str]]:

@@ -13,7 +13,7 @@ from gcs_tools.studies import console
     ("airframe", "link", "port"),
     [
         # by the vehicle's own port: 14550 is shared with every other vehicle on this machine
-        ("s1000", "udpout", "fcu_station"), ("quad", "udpout", "fcu_station"), ("s1000", "tcp", "fcu_tcp"),
+        ("s1000", "udpout", "fcu_station"), ("quad", "tcp", "fcu_tcp"),
     ],
 )  # fmt: skip
 def test_a_whole_flight(vehicle, airframe, link, port):

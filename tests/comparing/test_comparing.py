@@ -194,6 +194,7 @@ def test_tuning_says_what_it_will_do_and_when_nothing_flew(tmp_path, cascade, sh
     assert (done.exit_code, "expected a file" in done.stderr) == (2, True)
 
 
+@pytest.mark.computes
 def test_a_law_that_raises_loses_that_flight_alone(tmp_path, cascade, hover):
     with open(cascade) as file:
         text = file.read()
@@ -243,6 +244,7 @@ def test_a_law_that_raises_loses_that_flight_alone(tmp_path, cascade, hover):
         (["tune"], "Missing argument"),
     ],
 )  # fmt: skip
+@pytest.mark.computes
 def test_a_command_line_that_cannot_be_done_is_refused(arguments, said, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     done = gcs(*arguments)

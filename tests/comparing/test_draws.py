@@ -45,6 +45,7 @@ def test_another_law_meets_the_same_draw(cascade):
     assert (own.plant, own.wind, own.flight) == (other.plant, other.wind, other.flight)
 
 
+@pytest.mark.computes
 def test_streams_missions_and_seeds_draw_apart():
     drop, gusts = load("benchmark/drop"), load("benchmark/gusts")
     seeds = {

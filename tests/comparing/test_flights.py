@@ -80,6 +80,7 @@ def seen(flight):
 
 
 @pytest.mark.parametrize("in_lanes", [False, True])
+@pytest.mark.computes
 def test_what_is_found_stands_at_its_item_and_is_that_of_each_flight_alone(monkeypatch, in_lanes):
     flew = []
     each_of = law_flights.each

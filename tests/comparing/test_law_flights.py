@@ -51,6 +51,7 @@ def same(one, scene):
     assert one.ticks == len(law)
 
 
+@pytest.mark.computes
 def test_drawn_flights_have_the_bits_of_each_by_itself():
     found = lanes_check.check(DRAWN, SEED, duration_s=1.5)
     assert found.different == ()
@@ -285,6 +286,7 @@ def test_compiling_is_told_where_lanes_are_not_waited_for(scene, tmp_path, monke
     assert cache._told == set()
 
 
+@pytest.mark.computes
 def test_a_law_that_cannot_be_compiled_for_lanes_flies_by_itself():
     """It calls a function of the C library that lanes do not have."""
     law = "tests/own_law/plain_cascade.py"
@@ -294,6 +296,7 @@ def test_a_law_that_cannot_be_compiled_for_lanes_flies_by_itself():
         same(one, each)
 
 
+@pytest.mark.computes
 def test_two_versions_of_a_law_share_no_lanes(tmp_path):
     file = tmp_path / "law.py"
     scenes = []

@@ -166,6 +166,7 @@ def test_flights_that_have_a_value_are_compared_though_others_have_none():
     assert held.passed
 
 
+@pytest.mark.computes
 def test_shares_of_time_that_are_mostly_0_raise_no_false_alarm():
     """One flight in twenty meets a limit for a while: of 400 comparisons, at most a few say worse."""
     random = np.random.default_rng(2)
@@ -214,6 +215,7 @@ def judged(*arguments: object) -> tuple[int, dict]:
     return done.exit_code, json.loads(done.stdout)
 
 
+@pytest.mark.computes
 def test_the_same_flights_are_as_the_baseline(baseline, tmp_path):
     for seed in (1, 2):
         fly(tmp_path / str(seed), seed=seed)
@@ -223,6 +225,7 @@ def test_the_same_flights_are_as_the_baseline(baseline, tmp_path):
         assert found["missions"][0]["flights"] == 2
 
 
+@pytest.mark.computes
 def test_a_gain_by_two_per_cent_is_seen(baseline, tmp_path):
     run = fly(tmp_path / "run", "law.f_m=2.04")
     code, found = judged(run, baseline, "--exact", "--junit", tmp_path / "j.xml")
@@ -247,6 +250,7 @@ def test_a_gain_by_two_per_cent_is_seen(baseline, tmp_path):
         (["plant.rotor_loss=[{rotor=1,at_s=5.0,effectiveness=0.95}]"], "motion", 5.0),
     ],
 )  # fmt: skip
+@pytest.mark.computes
 def test_what_differs_first_is_nearest_to_the_cause(baseline, tmp_path, settings, kind, t):
     _, found = judged(fly(tmp_path / "run", *settings), baseline / "1", "--exact")
     ((_, parted),) = found["missions"][0]["parted"]
@@ -254,6 +258,7 @@ def test_what_differs_first_is_nearest_to_the_cause(baseline, tmp_path, settings
     assert parted["t"] == pytest.approx(t, abs=0.011)
 
 
+@pytest.mark.computes
 def test_a_flight_that_goes_on_longer_differs_where_the_other_ends(baseline, tmp_path):
     run = fly(tmp_path / "run", "flight.duration_s=7.5")
     _, found = judged(run, baseline / "1", "--exact")

@@ -43,6 +43,7 @@ def test_a_way_of_no_length_takes_the_settling_time_of_the_reference(settings_of
 @pytest.mark.parametrize("wind", [STILL, "wind.steady_m_s=[0,0,11]", "wind.steady_m_s=[-11,0,0]"])
 @pytest.mark.parametrize("far", [0.5, 5.0, 30.0])
 @pytest.mark.parametrize("way", [(1.0, 0.0, 0.0), (0.0, 0.0, -1.0)])
+@pytest.mark.computes
 def test_flights_keep_the_arrival_time(wind, far, way):
     to = [far * x for x in way]
     at = f"flight.setpoints=[{{at_s=0.0,position_m={to}}}]"

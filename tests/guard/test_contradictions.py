@@ -81,6 +81,7 @@ def test_what_is_beyond_them_is_told(settings, sign):
     assert found[sign] < LASTED_S + 2.0  # the estimates come first
 
 
+@pytest.mark.slow
 def test_a_mass_dropped_out_of_the_belief_is_told_to_stations_and_recorded(tmp_path):
     told = {}
     for way, in_process in (("wire", False), ("process", True)):

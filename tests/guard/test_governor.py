@@ -111,24 +111,27 @@ def test_what_is_demanded_stays_inside_by_the_allowance(settings_of, hover):
     assert held > 250
 
 
+@pytest.mark.computes
 def test_room_for_the_doubt_is_made_no_faster_than_attitude_follows(settings_of, hover):
     """Else a change of the reference, which adds to the doubt, would feed itself."""
     settings, rng = settings_of(), np.random.default_rng(5)
     known, cut = margin.known(settings.guard, settings.law), 0
     j = wrench.jerk(settings.guard, settings.law, HOVER_N) * settings.law.h
-    for _ in range(100):
+    for _ in range(30):
         way = rng.normal(size=3)
         far = Setpoint(vec(100.0 * way / np.linalg.norm(way)), STILL, STILL, 0.0, 0.0)
         state = at_rest(hover)
-        for _ in range(2500):  # until the demand is as large as may be
+        grown = np.inf
+        while grown > 1e-12:  # until the demand is as large as may be
             _, a_m, _ = governed_from(settings, state, THERE, far)
+            grown = norm(a_m - state.a_m)
             state = state._replace(a_m=a_m)
         before = a_m
         _, a_m, _ = governed_from(settings, state._replace(beta=10.0), THERE, far)
         assert norm(a_m - before) <= j * (1.0 + 1e-9)
         cut += norm(before) - norm(a_m) > 0.9 * j
         assert margin.condition(known, a_m, STILL, 0.0) >= -1e-9
-    assert cut > 50
+    assert cut > 15
 
 
 def test_the_scale_is_the_largest_that_fits(settings_of):

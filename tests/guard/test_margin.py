@@ -34,6 +34,7 @@ def reachable(law, T):
     return limits.T_min <= size <= limits.T_max and tilt <= limits.phi_star and floor
 
 
+@pytest.mark.computes
 def test_a_ball_as_large_as_the_margin_can_be_reached_and_a_larger_one_cannot(settings_of):
     """The set is convex but for its least thrust; from inside, the distance is exact."""
     settings, rng = settings_of(), np.random.default_rng(1)
@@ -75,6 +76,7 @@ def test_the_tilt_that_is_left(settings_of):
     )
 
 
+@pytest.mark.computes
 def test_no_drag_leaves_the_ball_whatever_the_wind_and_the_attitude(settings_of):
     """Quadratic drag along body axes, coefficients up to the believed, winds up to the believed."""
     settings, rng = settings_of(), np.random.default_rng(2)
@@ -247,6 +249,7 @@ def test_a_script_of_setpoints_is_looked_at_as_one_way(settings_of):
     assert np.abs(rows[-1, 5:]).max() < 0.01
 
 
+@pytest.mark.computes
 def test_the_condition_orders_as_it_should(settings_of):
     """More wind, less gain, more speed, more mass unknown: less margin, of force."""
 

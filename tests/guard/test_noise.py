@@ -177,6 +177,7 @@ def test_without_noise_every_bit_is_as_without_the_belief(settings_of):
 
 
 @pytest.mark.parametrize("words", ["bounded", "gaussian"])
+@pytest.mark.computes
 def test_each_noise_takes_force_and_torque_and_twice_of_it_twice(settings_of, words):
     def of(times, **chosen):
         noise = {name: times * amount for name, amount in chosen.items()}

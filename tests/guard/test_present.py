@@ -43,6 +43,7 @@ def hover(guard, law, m=8.0, **fields):
     return present.Present(**{**told, **fields})
 
 
+@pytest.mark.computes
 def test_drag_turns_with_its_axes_no_faster_than_told():
     rng, most = np.random.default_rng(1), 0.0
     for _ in range(20_000):
@@ -59,6 +60,7 @@ def test_drag_turns_with_its_axes_no_faster_than_told():
     assert 0.99 * present.TURNS < most <= present.TURNS * (1.0 + 1e-5)
 
 
+@pytest.mark.computes
 def test_no_change_of_drag_leaves_the_ball_whatever_wind_coefficients_and_attitude(settings_of):
     settings, rng, nearest = settings_of(), np.random.default_rng(2), math.inf
     guard, law = settings.guard, settings.law

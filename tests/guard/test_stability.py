@@ -98,6 +98,7 @@ MAP = [
 
 
 @pytest.mark.parametrize(("settings", "accepted", "flies"), MAP, ids=[str(m[0]) for m in MAP])
+@pytest.mark.computes
 def test_rule_agrees_with_flights(settings, accepted, flies):
     mission = load("paper_nominal")
     for key, value in settings.items():
@@ -124,6 +125,7 @@ LATE = [
 
 
 @pytest.mark.parametrize(("settings", "ticks", "accepted", "does"), LATE)
+@pytest.mark.computes
 def test_rule_agrees_with_flights_of_a_plant_that_reports_late(settings, ticks, accepted, does):
     mission = load("paper_nominal")
     late = {"law.guard_delay_s": 0.002 * ticks, "plant.delay_s": 0.002 * ticks}

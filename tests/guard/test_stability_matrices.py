@@ -214,6 +214,7 @@ CHOICES = (
 @pytest.mark.parametrize("off", OFF)
 @pytest.mark.parametrize("chosen", CHOICES, ids=["default", "no lag", "all different"])
 @pytest.mark.parametrize("channel", CHANNELS)
+@pytest.mark.computes
 def test_matrices_are_law_and_vehicle_linearised(settings_of, channel, chosen, off):
     is_linearised(settings_of, channel, chosen, off)
 

@@ -109,6 +109,7 @@ STIFF = ("law.c_angle=10", "law.c_rate=20")
 
 
 @pytest.mark.parametrize("gains", [SHIPPED, SECTION_VIII, STIFF])
+@pytest.mark.computes
 def test_a_long_way_down_in_the_strongest_wind_from_below_arrives(gains):
     """With angles and rates as in Section VIII the vehicle was lost 80 m down."""
     scene = rising(
@@ -151,6 +152,7 @@ def tilted_pull(u, c, T):
     return (aside(1e-6) - aside(-1e-6)) / 2e-6
 
 
+@pytest.mark.computes
 def test_no_air_and_no_drag_raises_the_gain_of_a_tilt_by_more_than_is_counted(settings_of):
     """Trimmed in air from anywhere, whatever the coefficients: from below, and where it leans into it."""
     rng, settings = np.random.default_rng(6), settings_of(c_angle=7.0, c_rate=14.0, f_m=2.0)
@@ -192,6 +194,7 @@ def test_a_climb_into_the_wind_with_drag_along_two_axes_is_not_lost():
 
 
 @pytest.mark.parametrize("a_c", [-1.0, -2.0])
+@pytest.mark.computes
 def test_an_acceleration_that_is_fed_forward_leads_to_no_more_than_the_greatest_speeds(
     a_c, settings_of
 ):

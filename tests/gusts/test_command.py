@@ -37,6 +37,7 @@ def run(*arguments):
     return CliRunner().invoke(envelope, [*map(str, arguments)])
 
 
+@pytest.mark.computes
 def test_what_it_states_is_flown_again_by_the_mission_that_it_writes(tmp_path):
     (tmp_path / "x.toml").write_text(MISSION)
     picture, winds = tmp_path / "room.png", tmp_path / "winds"
@@ -53,6 +54,7 @@ def test_what_it_states_is_flown_again_by_the_mission_that_it_writes(tmp_path):
         assert room.min() == pytest.approx(row["room_n"], abs=1e-3)
 
 
+@pytest.mark.computes
 def test_the_table_has_a_row_for_each_limit_and_part(tmp_path):
     (tmp_path / "x.toml").write_text(MISSION)
     done = run(tmp_path / "x.toml", "--worst-wind", "--parts", 2)
@@ -61,6 +63,7 @@ def test_the_table_has_a_row_for_each_limit_and_part(tmp_path):
 
 
 @pytest.mark.parametrize("mission", ["square_and_land", "figure_eight"])
+@pytest.mark.computes
 def test_items_and_curves_are_flown_too(mission):
     """Items from hover where they begin, and it says that take-off and landing are left out."""
     said = json.loads(run(mission, "--worst-wind", "--parts", 1, "--json").stdout)
@@ -82,6 +85,7 @@ def test_items_and_curves_are_flown_too(mission):
         (("urban_step", "--worst-wind", "--set", "law.guard=refuse"), "refused"),
     ],
 )
+@pytest.mark.computes
 def test_what_it_does_not_take_is_said(arguments, said):
     done = run(*arguments)
     assert done.exit_code == 2

@@ -34,6 +34,7 @@ def begin(hover, end, name, wind):
 
 
 @pytest.mark.parametrize("limit", LIMITS)
+@pytest.mark.computes
 def test_what_is_foretold_of_a_small_change_is_flown(hover, weakest, limit):
     """In a steady wind, for a mass in the middle: at its ends a projection bends what m_hat does."""
     vehicle, of = Vehicle(hover, weakest._replace(mass_kg=8.0)), knots(T, 0.002)
@@ -49,6 +50,7 @@ def test_what_is_foretold_of_a_small_change_is_flown(hover, weakest, limit):
     assert flown == pytest.approx(foretold, rel=0.03)
 
 
+@pytest.mark.computes
 def test_the_worst_wind_is_worse_than_fifty_drawn_and_within_belief(hover, weakest):
     bounds, part = bounds_of(hover), parts_of(hover, 1)[0]
     t = np.arange(hover.ticks) / hover.rate_hz
@@ -74,6 +76,7 @@ def test_the_worst_wind_is_worse_than_fifty_drawn_and_within_belief(hover, weake
     )
 
 
+@pytest.mark.computes
 def test_a_wind_is_moved_to_where_in_the_flight_it_is_worst(level, weakest):
     """A gust against the way, that comes after the vehicle has stopped, is moved to where it is fast."""
     part, bounds = parts_of(level, 1)[0], bounds_of(level)
@@ -91,6 +94,7 @@ def test_a_wind_is_moved_to_where_in_the_flight_it_is_worst(level, weakest):
     assert again[found.tick] == found.found.room == pytest.approx(found.value, abs=0.5)
 
 
+@pytest.mark.computes
 def test_the_same_flight_finds_the_same_wind(hover, monkeypatch):
     monkeypatch.setattr(worst_wind, "FIRST_ROUNDS", 1)
     monkeypatch.setattr(worst_wind, "ROUNDS", 2)

@@ -3,31 +3,35 @@
 import os
 import resource
 import signal
+from contextlib import contextmanager
 
 import pytest
 
 from fcu.interface.files import whole_file
 
 
-@pytest.fixture
+@contextmanager
 def small_disk():
+    """A limit for the body alone: pytest itself may write its output into a file."""
     before = resource.getrlimit(resource.RLIMIT_FSIZE)
     heard = signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
     resource.setrlimit(resource.RLIMIT_FSIZE, (1000, before[1]))
-    yield
-    resource.setrlimit(resource.RLIMIT_FSIZE, before)
-    signal.signal(signal.SIGXFSZ, heard)
+    try:
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)
+        signal.signal(signal.SIGXFSZ, heard)
 
 
-def test_of_a_full_disk_there_is_no_part_of_a_picture(tmp_path, small_disk):
-    with pytest.raises(OSError, match=r"x\.png"):
+def test_of_a_full_disk_there_is_no_part_of_a_picture(tmp_path):
+    with small_disk(), pytest.raises(OSError, match=r"x\.png"):
         whole_file.write(tmp_path / "x.png", b"x" * 2000)
     assert list(tmp_path.iterdir()) == []
 
 
-def test_of_a_full_disk_the_picture_before_stays(tmp_path, small_disk):
+def test_of_a_full_disk_the_picture_before_stays(tmp_path):
     (tmp_path / "x.png").write_bytes(b"before")
-    with pytest.raises(OSError, match=r"x\.png"):
+    with small_disk(), pytest.raises(OSError, match=r"x\.png"):
         whole_file.write(tmp_path / "x.png", b"x" * 2000)
     assert [(p.name, p.read_bytes()) for p in tmp_path.iterdir()] == [("x.png", b"before")]
 

@@ -87,6 +87,7 @@ ON_GROUND = "flight.start={on_ground=true}"
     ],
     ids=["near", "arena", "far", "at once", "low", "below", "on", "above", "turning"],
 )  # fmt: skip
+@pytest.mark.computes
 def test_setpoints_that_cannot_be_flown_as_written_are_known_before(settings, expected) -> None:
     assert unflyable_of(*settings) == [(*each, False) for each in expected]
     limited = [each for each in unflyable_of(*settings, "expect.limited=true") if not each[2]]

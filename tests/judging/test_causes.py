@@ -22,6 +22,7 @@ from tests.command_line import gcs
         lambda mission: override(mission, "law.guard=govern"),
     ],
 )
+@pytest.mark.computes
 def test_the_command_that_looks_at_a_flight_looks_at_it(change):
     program, *arguments = shlex.split(envelope_command(change(load("gust_step"))))
     assert program == "gcs"

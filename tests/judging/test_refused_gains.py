@@ -91,6 +91,7 @@ def test_a_law_without_the_rule_has_no_such_key() -> None:
 
 
 @pytest.mark.parametrize("name", [*shipped(), *shipped("benchmark")])
+@pytest.mark.computes
 def test_no_shipped_mission_is_refused(name: str) -> None:
     mission = load(name)
     assert refused_gains(mission, scenario(mission)) == ""

@@ -109,6 +109,7 @@ DAMAGES: dict[str, Callable[[bytes], list[bytes]]] = {
 
 
 @pytest.mark.parametrize("damage", DAMAGES)
+@pytest.mark.computes
 def test_a_damaged_file_is_told_of_and_made_anew(
     damage: str, folder: cache.Folder, capsys: pytest.CaptureFixture[str],
     monkeypatch: pytest.MonkeyPatch,

@@ -100,6 +100,7 @@ def test_checkouts_of_one_version_share_what_is_compiled(tmp_path: Path) -> None
     assert written[1] == written[0]
 
 
+@pytest.mark.slow
 def test_a_wheel_and_its_checkout_have_one_fingerprint(tmp_path: Path) -> None:
     """The wheel leaves the studies out, and an environment may be reached through a link."""
     (tmp_path / "link").symlink_to(tmp_path / "wheel")

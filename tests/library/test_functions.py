@@ -27,6 +27,7 @@ flies: bool = airframe("hexa").flies
 """
 
 
+@pytest.mark.computes
 def test_the_page_is_what_the_docstrings_say():
     assert (ROOT / "docs/python.md").read_text(encoding="utf-8") == page()  # if not: make schemas
 
@@ -43,6 +44,7 @@ def test_each_function_is_typed_and_documented(name):
         assert each in text
 
 
+@pytest.mark.slow
 def test_a_type_checker_knows_what_they_return(tmp_path):
     (tmp_path / "use.py").write_text(USE)
     for text, found in ((USE, 0), (USE.replace("passed: bool", "passed: str"), 1)):
@@ -73,6 +75,7 @@ def runs(tmp_path_factory) -> list[Path]:
     return [out / "one", out / "other"]
 
 
+@pytest.mark.computes
 def test_a_recording_is_read_by_the_names_of_its_columns(runs):
     recording = gcs_tools.read(runs[0])
     assert recording.plant["state.r_E"].shape == (3000, 3)
@@ -92,12 +95,14 @@ def test_a_result_shows_itself_with_its_figure(runs):
         assert text in shown
 
 
+@pytest.mark.computes
 def test_flights_are_held_against_a_baseline(runs):
     (held,) = gcs_tools.compare(runs[1], runs[0], exact=True)
     assert not held.passed and held.changed == {"law.f_m": ["1.9", "2.0"]}
     assert gcs_tools.compare(runs[0], runs[0])[0].passed
 
 
+@pytest.mark.computes
 def test_an_airframe_is_checked():
     assert gcs_tools.airframe("hexa").flies
 

@@ -15,6 +15,8 @@ import pytest
 from tests.patience import with_room
 from tests.process.conftest import alive
 
+pytestmark = pytest.mark.slow  # starts processes
+
 MISSION = """title = "A hover in still air."
 [flight]
 duration_s = 1.0

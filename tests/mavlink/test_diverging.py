@@ -60,6 +60,7 @@ BUILDERS = [
 
 @pytest.mark.parametrize("build", BUILDERS, ids=lambda b: b.__name__)
 @given(st.data())
+@pytest.mark.computes
 def test_a_diverging_flight_does_not_crash_its_telemetry(build, data):
     parameters = inspect.signature(build).parameters.values()
     message = build(*[data.draw(VALUES[p.annotation]) for p in parameters])

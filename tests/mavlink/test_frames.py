@@ -188,6 +188,7 @@ SAME_BITS = [
     ("kernel", "arguments"), SAME_BITS, ids=lambda k: getattr(k, "__name__", "")
 )
 @given(data=st.data())
+@pytest.mark.computes
 def test_python_and_compiled_code_give_the_same_bits(kernel, arguments, data):
     given_arguments = data.draw(arguments)
     plain, compiled = kernel.py_func(*given_arguments), kernel(*given_arguments)

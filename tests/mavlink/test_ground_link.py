@@ -185,6 +185,7 @@ def test_damaged_datagrams_never_add_messages(bit, length):
 
 @pytest.mark.parametrize("number", READ_HERE)
 @given(st.binary(max_size=255))
+@pytest.mark.computes
 def test_any_payload_with_a_right_checksum_is_read_without_raising(number, payload):
     fcu = GroundCodec(*FCU)
     messages = fcu.parse(framed(*Packed(DEFINITIONS[number], payload), 0, *SCRIPT))

@@ -159,6 +159,7 @@ BUILDERS = [
 
 @pytest.mark.parametrize("build", BUILDERS, ids=lambda b: b.__name__)
 @given(st.data())
+@pytest.mark.computes
 def test_no_answer_raises(build, data):
     parameters = inspect.signature(build).parameters.values()
     made = build(*[data.draw(VALUES[p.annotation]) for p in parameters])

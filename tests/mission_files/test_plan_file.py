@@ -188,6 +188,7 @@ def mutated(rng, tables):
 
 
 @pytest.mark.parametrize("seed", range(10))
+@pytest.mark.computes
 def test_a_mutated_plan_is_read_or_refused_with_its_place(file, tables, seed):
     """A hundred of each seed: nothing but a PlanError, and a look that says why or takes it."""
     rng = random.Random(seed)

@@ -284,7 +284,7 @@ def pytest_run(files: Sequence[str], *plugins: object) -> int:
     """Run pytest here, without its cache."""
     import pytest
 
-    options = ["-q", "--quick", "-p", "no:cacheprovider", "-p", "no:xdist"]
+    options = ["-q", "-m", "not slow", "-p", "no:cacheprovider", "-p", "no:xdist"]
     return int(pytest.main([*options, *files], plugins=list(plugins)))
 
 

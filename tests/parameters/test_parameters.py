@@ -79,6 +79,7 @@ def test_law_is_the_one_handed_over_until_one_of_its_parameters_is_set(params, l
 
 
 @pytest.mark.parametrize("name", [n for n in LAW if not LAW[n].row.read_only])
+@pytest.mark.computes
 def test_a_parameter_set_and_set_back_gives_the_same_law(params, start, name):
     """A tenth more, or the other of two: accepted while disarmed, and undone without a trace."""
     was, info = params[name], params.info(name)

@@ -85,6 +85,7 @@ def test_missions_and_mavlink_have_its_words(row):
 
 @pytest.mark.parametrize("row", [r for r in RANGED if not r.interval], ids=name)
 @pytest.mark.parametrize("end", ["low", "high"])
+@pytest.mark.computes
 def test_what_is_out_of_range_is_refused_wherever_it_is_said(row, end):
     """By the builder, by missions, over MAVLink and in Params handed over; the end itself by none."""
     value, beyond = getattr(row, end), 1.01 * getattr(row, end) + (1e-3 if end == "high" else -1e-3)
@@ -114,6 +115,7 @@ def test_what_is_out_of_range_is_refused_wherever_it_is_said(row, end):
 
 
 @pytest.mark.parametrize("row", [r for r in RANGED if r.parts], ids=name)
+@pytest.mark.computes
 def test_a_value_that_is_built_with_is_the_one_that_mavlink_tells(row):
     """A twentieth less than the default, whatever the conversion."""
     given = [0.95 * v for v in row.numbers(default(row, AIRFRAME))]
@@ -125,6 +127,7 @@ def test_a_value_that_is_built_with_is_the_one_that_mavlink_tells(row):
         assert params[part.name] == pytest.approx(value, rel=1e-6)
 
 
+@pytest.mark.computes
 def test_every_row_is_on_the_page_in_its_group():
     sections = {s.splitlines()[0]: s for s in page().split("\n## ")}
     for row in (*PARAMETERS, *VEHICLE):

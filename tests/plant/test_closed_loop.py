@@ -109,6 +109,7 @@ def test_the_printed_law_tracks_at_1_and_diverges_at_1_4(rate_hz):
 
 @pytest.mark.parametrize("rate_hz", [250.0, 500.0, 1000.0])
 @pytest.mark.parametrize("f_m", [1.0, 1.4])
+@pytest.mark.computes
 def test_with_the_achieved_force_both_track(rate_hz, f_m):
     error, height = flight(rate_hz, f_m=f_m)
     assert error < 0.03

@@ -233,6 +233,7 @@ def test_what_cannot_be_done_is_not_acknowledged(order, result):
     assert told.plant.struck.used[0] == 0
 
 
+@pytest.mark.computes
 def test_every_unit_and_type_that_is_listed_is_done_and_no_other():
     for unit in range(110):
         for type_ in Type:
@@ -336,6 +337,7 @@ def test_every_kind_is_flown_or_needs_an_autopilot_and_says_so():
             assert len(plant) == scene.ticks
 
 
+@pytest.mark.slow
 def test_a_flight_with_faults_is_the_same_over_the_wire_and_in_process(tmp_path):
     faults = [
         '{kind="motor_weak",at_s=0.5,for_s=1,rotor=1,effectiveness=0.6}',
@@ -367,6 +369,7 @@ def test_a_flight_with_faults_is_the_same_over_the_wire_and_in_process(tmp_path)
     ],
     ids=["lost", "doubled", "reordered", "late"],
 )  # fmt: skip
+@pytest.mark.slow
 def test_a_link_that_loses_doubles_or_delays_states_changes_no_bit_of_a_flight(tmp_path, fault):
     rows = []
     for name, faults in (("whole", ""), ("torn", fault)):

@@ -68,6 +68,7 @@ def test_plot_draws_all_figures_in_a_process(run: Path) -> None:
     assert "tracking: settled RMS 2 cm off the reference, worst 2 cm" in lines[1]
 
 
+@pytest.mark.computes
 def test_plot_draws_one_figure_into_a_file(run: Path, tmp_path: Path) -> None:
     out = tmp_path / "report.svg"
     done = called(run, "--what", "tracking", "--out", out, "--json", "--from", 6, "--to", 7)
@@ -103,6 +104,7 @@ def test_what_is_missing_is_said_and_matters_only_if_asked_for(made: Any, tmp_pa
     assert "tracking: settled" in asked.stdout
 
 
+@pytest.mark.computes
 def test_a_recording_cut_short_is_drawn_and_it_is_said(
     make: Callable[..., Any], tmp_path: Path
 ) -> None:
@@ -141,6 +143,7 @@ def test_lost_messages_are_said(
         (["--what", "wind", "--out", "no/where/a.png"], "no/where/a.png: No such file"),
     ],
 )
+@pytest.mark.computes
 def test_a_bad_command_line_is_refused(brief: Path, arguments: list[str], said: str) -> None:
     done = called(brief, *arguments)
     assert done.exit_code == 2
@@ -156,6 +159,7 @@ def test_what_is_no_recording_is_refused(tmp_path: Path) -> None:
     assert done.exit_code == 2 and "text.mcap: " in done.stderr and done.stdout == ""
 
 
+@pytest.mark.computes
 def test_a_full_disk_is_an_error(brief: Path, tmp_path: Path) -> None:
     (tmp_path / "flight-wind.pdf").symlink_to("/dev/full")
     done = called(brief, "--what", "wind", "--format", "pdf")

@@ -5,6 +5,7 @@ from __future__ import annotations
 import shutil
 from pathlib import Path
 
+import pytest
 from matplotlib.figure import Figure
 
 from fcu.interface.airframe import read
@@ -28,6 +29,7 @@ def test_a_flight_names_its_law_and_its_airframe_without_their_folders(tmp_path)
     assert str(tmp_path) not in title
 
 
+@pytest.mark.computes
 def test_the_figure_of_an_airframe_is_headed_by_its_name(tmp_path, monkeypatch):
     said = []
     monkeypatch.setattr(Figure, "suptitle", lambda _self, text, **_more: said.append(text))

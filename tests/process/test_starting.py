@@ -4,15 +4,16 @@ from __future__ import annotations
 
 import os
 import re
+import shutil
 import signal
 import subprocess
 import sys
 import time
-from pathlib import Path
 
 import pytest
 
 from fcu.interface.ports import ports
+from fcu.kernel import compile
 from gcs_tools.flight import processes
 from gcs_tools.flight.processes import Child, InfrastructureError
 from gcs_tools.judging import result
@@ -20,7 +21,6 @@ from tests.patience import PATIENCE_S, until
 from tests.process.conftest import alive
 
 SAID_WITHIN_S = 10.0
-ROOT = Path(__file__).parents[2]
 
 
 @pytest.mark.parametrize(
@@ -77,17 +77,24 @@ def test_a_process_that_waits_for_one_that_works_for_it_is_waited_for(tmp_path, 
 
 @pytest.mark.slow
 def test_a_first_flight_tells_how_far_it_has_compiled(fly, tmp_path):
+    """It lacks the kernels of the plant's process alone: a cache that is empty takes a minute to fill."""
+    warm = compile._folders["fcu"].path
+    folder = tmp_path / "cache" / "m-mrac" / warm.name
+    folder.mkdir(mode=0o700, parents=True)
+    for file in warm.glob("*-*.*"):
+        if not file.name.startswith("sitl_plant.burst."):
+            shutil.copy(file, folder)
+    before = len(list(folder.iterdir()))
     cold = {**os.environ, "XDG_CACHE_HOME": str(tmp_path / "cache")}
-    mission = ROOT / "tests" / "own_law" / "step_in_still_air.toml"
-    program = fly(mission, "--figure", "never", "--set", "flight.duration_s=10", env=cold)
+    program = fly("gust_step", "--figure", "never", "--set", "flight.duration_s=0.5", env=cold)
     program.wait()
     assert result.read(tmp_path / "run" / "result.json").error is None
     told = [int(n) for n in re.findall(r"(\d+) of about \d+", program.text())]
-    assert len(told) > 1
+    assert told
     assert told == sorted(set(told))
     files = list((tmp_path / "cache").rglob("*-*.*"))
     assert {file.suffix for file in files} == {".kernel", ".inner"}
-    assert told[-1] <= len(files)
+    assert told[-1] <= len(files) - before
 
 
 @pytest.mark.parametrize(

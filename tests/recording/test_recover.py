@@ -44,6 +44,7 @@ def listed(path):
 
 
 @pytest.mark.parametrize("seed", range(10))
+@pytest.mark.computes
 def test_cut_anywhere_it_holds_every_whole_chunk_and_an_index(whole, tmp_path, seed):
     data = whole[0].read_bytes()
     after_one = len(data) // 4

@@ -54,6 +54,7 @@ def packed(messages):
 
 
 @pytest.mark.parametrize("number", [0, 1, 30, 32, 74, 148, 242, 244, 245, 300, 435])
+@pytest.mark.computes
 def test_a_message_that_is_asked_for_leaves_no_cycle(asked, number):
     ask = mavlink.MAVLink_command_long_message(1, 1, 512, 0, number, 0, 0, 0, 0, 0, 0)
     assert asked(packed([ask] * TIMES)) <= ALLOWED

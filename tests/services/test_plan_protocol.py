@@ -144,6 +144,7 @@ def test_an_old_client_is_asked_for_floats(client):
 
 
 @pytest.mark.parametrize("seed", range(20))
+@pytest.mark.computes
 def test_loss_of_a_fifth_ends_whole(client, seed):
     rng = random.Random(seed)
     assert client.upload(plan(12), lose=lambda: rng.random() < 0.2) == ACCEPTED
@@ -244,6 +245,7 @@ def test_clearing_all_leaves_nothing(client):
         (item(1, 18, 2.0, 0.0, 0.1), mavlink.MAV_MISSION_INVALID_PARAM3),  # a circle of 10 cm
     ],
 )
+@pytest.mark.computes
 def test_an_item_that_cannot_be_flown_is_refused_with_its_reason(client, wrong, result):
     said = []
     client.station.tell = lambda told, severity=None: said.append(told)

@@ -112,6 +112,7 @@ def fill(met, link):
     return sent
 
 
+@pytest.mark.computes
 def test_a_client_that_does_not_read_loses_whole_messages_and_holds_nobody_up(met):
     slow, quick = met.connect(), met.connect()
     met.until(lambda: len(met.port.links()) == 2)
@@ -143,6 +144,7 @@ def test_a_place_is_for_one_and_free_again_when_its_client_has_gone(met):
     assert len(met.hear(1)) == 1
 
 
+@pytest.mark.computes
 def test_a_client_that_has_not_read_for_long_is_cut(met, monkeypatch):
     slow, quick = met.connect(), met.connect()
     met.until(lambda: len(met.port.links()) == 2)

@@ -66,6 +66,7 @@ def between_deg(a, b):
 # --- missions
 
 
+@pytest.mark.computes
 def test_fly_mission_twice_and_with_reset():
     """After a landing the plan begins anew, by itself and from an item that is set."""
     flight = Watched(*square(), Step(Do.LAND, Vec3(0.0, 0.0, 0.0)))
@@ -81,6 +82,7 @@ def test_fly_mission_twice_and_with_reset():
     print_row("FlyMissionTwice, FlyMissionTwiceWithReset", off_home_m=max(off))
 
 
+@pytest.mark.computes
 def test_pause_continue():
     flight = Watched(*square(), RETURN)
     slowest_s = []
@@ -103,6 +105,7 @@ def test_pause_continue():
     print_row("PAUSE_CONTINUE", below_1_m_s_after_s=max(slowest_s), disarmed_s=took)
 
 
+@pytest.mark.computes
 def test_do_change_speed():
     """Its fourth speed, 16 m/s, is above MPC_XY_VEL_MAX, and its third, 15 m/s, is flown as 12."""
     wanted = (4.0, 5.0), (12.0, 10.0), (10.0, 10.0)
@@ -131,6 +134,7 @@ def circled(radius, center=HOME):
 
 
 @pytest.mark.parametrize(("name", "center"), [("", HOME), ("_off_center", (0.0, 30.0))])
+@pytest.mark.computes
 def test_mission_nav_loiter_turns(name, center):
     flight = circled(30.0, center)
     took = flight.disarmed_s(120.0)
@@ -138,6 +142,7 @@ def test_mission_nav_loiter_turns(name, center):
     print_row(f"mission_NAV_LOITER_TURNS{name}", disarmed_s=took, off_home_m=flight.off_home())
 
 
+@pytest.mark.computes
 def test_mission_nav_loiter_turns_speed():
     """At its cruise speed for 5 s and more. The turn takes 0.6 to 2 times the circumference at it."""
     flight = circled(20.0)
@@ -149,6 +154,7 @@ def test_mission_nav_loiter_turns_speed():
     print_row("mission_NAV_LOITER_TURNS_speed", at_4_to_6_m_s_s=held, turn_s=turn_s)
 
 
+@pytest.mark.computes
 def test_mission_nav_loiter_turns_direction():
     """With a radius below 0 it turns counter-clockwise, once round within 80 deg."""
     flight = circled(-20.0, (0.0, 40.0))
@@ -163,6 +169,7 @@ def test_mission_nav_loiter_turns_direction():
     print_row("mission_NAV_LOITER_TURNS_direction", swept_deg=swept)
 
 
+@pytest.mark.computes
 def test_mission_start():
     flight = Watched(UP._replace(place=Vec3(math.nan, math.nan, 30.0)), RETURN)
     took = []
@@ -200,6 +207,7 @@ def test_mav_cmd_nav_takeoff():
     print_row("MAV_CMD_NAV_TAKEOFF", lowest_m=min(heights), highest_m=max(heights))
 
 
+@pytest.mark.computes
 def test_clear_roi():
     """It faces home, south of it, and ahead again once there is no region of interest."""
     flight = Watched(
@@ -214,6 +222,7 @@ def test_clear_roi():
     print_row("clear_roi", facing_home_deg=at_home, facing_ahead_deg=ahead)
 
 
+@pytest.mark.computes
 def test_mission_rtl_yaw_behaviour():
     """Its first half: the heading of the leg is kept on the way home, within 5 deg."""
     flight = Watched(UP, go(0.0, 40.0, HEIGHT, hold_s=1.0), RETURN)
@@ -224,6 +233,7 @@ def test_mission_rtl_yaw_behaviour():
     print_row("MissionRTLYawBehaviour", heading_deg=turned)
 
 
+@pytest.mark.computes
 def test_nav_delay():
     """By its idea: the delay is kept to within a second, and the vehicle stays where it is."""
     flight = Watched(UP, go(10.0, 0.0, HEIGHT), Step(Do.WAIT, hold_s=20.0), go(0.0, 0.0, HEIGHT))
@@ -236,6 +246,7 @@ def test_nav_delay():
     print_row("NavDelay", took_s=took, off_m=off)
 
 
+@pytest.mark.computes
 def test_mav_cmd_do_land_start():
     """The command leads to the landing of the plan, which is then flown."""
     flight = Watched(
@@ -255,6 +266,7 @@ def test_mav_cmd_do_land_start():
 # --- returns and rally points
 
 
+@pytest.mark.computes
 def test_rtl_to_rally():
     """Its point, 50 m north and 25 m west, at its height, which here is that of every return: RTL_RETURN_ALT."""
     flight = Flown()
@@ -278,6 +290,7 @@ def test_rtl_to_rally():
     print_row("RTL_TO_RALLY", over_rally_m=height, off_home_m=off)
 
 
+@pytest.mark.computes
 def test_a_pond_is_flown_around_on_the_way_to_a_rally_point():
     """RTL_TO_RALLY, with a fence between."""
     flight = Watched(UP, go(40.0, 0.0, HEIGHT))
@@ -291,6 +304,7 @@ def test_a_pond_is_flown_around_on_the_way_to_a_rally_point():
     assert flight.vehicle.fence.breaches == 0
 
 
+@pytest.mark.computes
 def test_rtl_alt_final_m():
     """By its idea: the return ends over home, at RTL_DESCEND_ALT, with RTL_LAND_DELAY below 0."""
     flight = Watched(UP, go(20.0, 0.0, HEIGHT))
@@ -306,6 +320,7 @@ def test_rtl_alt_final_m():
     print_row("RTL_ALT_FINAL_M", height_m=height, off_home_m=flight.off_home())
 
 
+@pytest.mark.computes
 def test_rtl_speed():
     """By its idea: the return is flown at the speed that is set."""
     flight = Watched(UP, go(80.0, 0.0, HEIGHT))
@@ -342,6 +357,7 @@ FAR = (
 )  # fmt: skip
 
 
+@pytest.mark.computes
 def test_home_circle_inclusion_fence():
     """GF_MAX_HOR_DIST in place of ArduPilot's own item: a return, and without the fence the place is reached."""
     flight = Watched(*FAR)
@@ -356,6 +372,7 @@ def test_home_circle_inclusion_fence():
     print_row("HomeCircleInclusionFence", breach_m=off, disarmed_s=took, then_missed_by_m=missed)
 
 
+@pytest.mark.computes
 def test_home_circle_inclusion_fence_set_home():
     flight = Flown()
     flight.params.set("GF_ACTION", 3.0, False)
@@ -372,6 +389,7 @@ def test_home_circle_inclusion_fence_set_home():
     print_row("HomeCircleInclusionFence_SetHome", off_home_m=off)
 
 
+@pytest.mark.computes
 def test_home_circle_inclusion_fence_multiple_home_circle():
     flight = Watched(*FAR)
     off = breach(flight, (Disc(True, *HOME, 50.0), Disc(True, *HOME, 100.0)))
@@ -390,6 +408,7 @@ def pushed(flight, ask, seconds, done):
     flight.stream(ask, seconds, done)
 
 
+@pytest.mark.computes
 def test_home_circle_inclusion_fence_avoidance():
     """GF_PREDICT in place of avoidance: it comes to rest within the circle of 20 m, above 17 m from home."""
     flight = Flown()
@@ -412,6 +431,7 @@ def test_home_circle_inclusion_fence_avoidance():
     print_row("HomeCircleInclusionFence_Avoidance", farthest_m=max(off), rests_at_m=off[-1])
 
 
+@pytest.mark.computes
 def test_horizontal_fence():
     """Not armed outside. Led out by a script it returns, and is down at home within 180 s."""
     flight = Flown()
@@ -436,6 +456,7 @@ def test_horizontal_fence():
     print_row("HorizontalFence", disarmed_s=took, off_home_m=off)
 
 
+@pytest.mark.computes
 def test_max_alt_fence():
     """Its second height, above home, at a third of it: breached within 5 m of the limit."""
     flight = Flown()

@@ -66,6 +66,7 @@ def test_every_condition_that_a_parameter_acts_on_is_listed():
 
 
 @pytest.mark.parametrize("condition", ACTIONS, ids=lambda c: c.name)
+@pytest.mark.computes
 def test_every_value_of_a_parameter_has_the_action_that_px4_gives_it(params, condition):
     name, expected = ACTIONS[condition]
     assert set(params.info(name).values) == set(expected)

@@ -156,6 +156,7 @@ def test_sticks_that_were_never_heard_are_not_missed(vehicle, params):
 @pytest.mark.parametrize("axis", ["roll", "pitch"])
 @pytest.mark.parametrize("sign", [1.0, -1.0])
 @pytest.mark.parametrize("breaker", [0.0, 121212.0])
+@pytest.mark.computes
 def test_an_attitude_is_lost_after_its_time(vehicle, params, axis, sign, breaker):
     params.set("CBRK_FLIGHTTERM", breaker, True)
     fly(vehicle, TICK, 4_000_000)
@@ -302,6 +303,7 @@ def test_pairs_of_conditions_are_hundreds():
 
 
 @pytest.mark.parametrize("apart_us", [0, 200_000], ids=["at once", "apart"])
+@pytest.mark.computes
 def test_of_any_two_conditions_the_more_severe_wins(params, apart_us):
     """Rotors stop in the air by termination or disarming alone, and a mode never gives way to a milder one."""
     defaults = {name: params[name] for name in {ROWS[c].action.parameter for c, _ in ACTING}}
@@ -336,6 +338,7 @@ def test_of_any_two_conditions_the_more_severe_wins(params, apart_us):
 
 
 @pytest.mark.parametrize("condition", [c for c, _ in dict(ACTING).items()], ids=lambda c: c.name)
+@pytest.mark.computes
 def test_on_the_ground_no_condition_leaves_anything_armed_for_long(params, condition):
     row = ROWS[condition]
     for value, action in row.action.actions.items():

@@ -97,6 +97,7 @@ LED = plans.PlanLimits(2.0, 1.0, 1.0, 1.0, 1.0)
         (plans.through(ZERO, ZERO, [Vec3(60.0, 0.0, 0.0)], 0.0, LED), AT_REST),
     ],
 )
+@pytest.mark.computes
 def test_a_look_in_coarse_steps_sees_what_every_tick_of_the_way_holds(way, reference):
     law, guard = settings(*AIRFRAME, 100.0, {**PAPER, "guard": "warn"})
     expected = max(0.0, -flown_out(guard, law, way, reference))
@@ -105,6 +106,7 @@ def test_a_look_in_coarse_steps_sees_what_every_tick_of_the_way_holds(way, refer
 
 
 @pytest.mark.parametrize("a_m", [ZERO, Vec3(0.0, 0.0, -1.5), Vec3(3.0, 0.0, 2.0)])
+@pytest.mark.computes
 def test_a_check_that_refuses_looks_from_the_acceleration_there_is(a_m):
     law, guard = settings(*AIRFRAME, 100.0, {"guard": "refuse", "f_m": 1.0})
     for far in (0.5, 1.0, 2.0):
@@ -144,6 +146,7 @@ def test_what_settles_is_seen_to_settle(far):
 
 
 @pytest.mark.parametrize(("far", "is_over"), [(1.06, True), (1.1, False)])
+@pytest.mark.computes
 def test_a_swing_that_is_over_before_the_last_quarter_of_a_look_costs_nothing(far, is_over):
     """All that is missing then is what the way itself lacks, a newton or so: it has been seen to an end."""
     windy = {"guard": "refuse", "guard_wind_rate_m_s2": 5.0, "f_m": 2.4}

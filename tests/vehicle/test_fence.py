@@ -97,10 +97,11 @@ def test_the_margin_changes_by_no_more_than_the_place_moves(seed):
 
 
 @pytest.mark.parametrize("seed", range(40))
+@pytest.mark.computes
 def test_a_way_is_clear_if_every_place_on_it_is_inside(seed):
     rng = random.Random(seed)
     made = drawn(rng)
-    for _ in range(60):
+    for _ in range(20):
         a, b = (Vec3(*(rng.uniform(-40, 40) for _ in range(2)), 5.0) for _ in range(2))
         least = min(made.margin(a + (k / 1000.0) * (b - a)).value for k in range(1001))
         if least > 0.1:
@@ -156,13 +157,14 @@ def test_the_margin_is_that_of_areas_and_limits_looked_at_one_by_one(seed):
 
 
 @pytest.mark.parametrize("seed", range(60))
+@pytest.mark.computes
 def test_a_circle_is_clear_if_every_place_on_it_is_inside(seed):
     rng = random.Random(seed)
     made = drawn(rng)
-    for _ in range(60):
+    for _ in range(20):
         center = Vec3(rng.uniform(-30, 30), rng.uniform(-30, 30), 5.0)
         radius = rng.choice([1.0, 5.0, 15.0, 30.0])
-        angles = [2.0 * math.pi * k / 2000.0 for k in range(2000)]
+        angles = [2.0 * math.pi * k / 1000.0 for k in range(1000)]  # at most 0.19 m apart
         places = [center + Vec3(radius * math.cos(q), radius * math.sin(q), 0.0) for q in angles]
         least = min(made.margin(r).value for r in places)
         clear = made.first_outside([Way(center, center, radius)]) is None
@@ -312,6 +314,7 @@ def test_a_way_around_is_found_where_there_is_one_and_keeps_clear(seed):
     assert way[-1] == end
 
 
+@pytest.mark.computes
 def test_a_return_flies_around_what_lies_between():
     flight = Planned(UP, go(20.0, 0.0, 5.0))
     flight.params.set("RTL_RETURN_ALT", 5.0, False)
@@ -327,6 +330,7 @@ def test_a_return_flies_around_what_lies_between():
     assert min(-depth(POND, r.x, r.y) for r in flight.track) > 2.0
 
 
+@pytest.mark.computes
 def test_a_return_without_a_way_around_flies_straight_and_says_so():
     wall = Polygon(False, ((8.0, -40.0), (12.0, -40.0), (12.0, 40.0), (8.0, 40.0)))
     flight = Planned(UP, go(20.0, 0.0, 5.0))
@@ -374,6 +378,7 @@ def rushing(action, predicts=0.0, speed=5.0):
     ("action", "mode"),
     [(0, Mode.OFFBOARD), (1, Mode.OFFBOARD), (2, Mode.HOLD), (3, Mode.RETURN), (5, Mode.LAND)],
 )
+@pytest.mark.computes
 def test_a_breach_does_what_its_parameter_says(action, mode):
     flight, entered, _ = rushing(action)
     assert entered is mode
@@ -381,6 +386,7 @@ def test_a_breach_does_what_its_parameter_says(action, mode):
     assert (Code.FENCE_BREACHED in flight.told) == (action > 0)
 
 
+@pytest.mark.computes
 def test_a_fence_that_predicts_stops_the_vehicle_inside():
     *_, behind = rushing(2)
     flight, mode, inside = rushing(2, predicts=1.0)
@@ -389,6 +395,7 @@ def test_a_fence_that_predicts_stops_the_vehicle_inside():
     assert flight.vehicle.armed
 
 
+@pytest.mark.computes
 def test_a_breach_counts_once_until_the_vehicle_is_inside_again():
     flight, _, _ = rushing(3)
     flight.fly(60.0, lambda: not flight.vehicle.armed)
@@ -428,6 +435,7 @@ def test_a_plan_through_a_fence_is_not_flown(steps, item, why):
     assert answer.granted == (item is None)
 
 
+@pytest.mark.computes
 def test_a_corner_is_not_rounded_into_an_exclusion():
     """The curve would cut across the post in the inside of the corner."""
     post = Disc(False, 17.2, 2.8, 1.5)
@@ -447,6 +455,7 @@ def _flown(*steps, areas=()):
 
 
 @pytest.mark.parametrize(("kind", "ends"), [(0.0, (9.0, 9.0)), (1.0, (9.0, 9.0))])
+@pytest.mark.computes
 def test_a_return_ends_at_the_nearest_rally_point(kind, ends):
     flight = Flown()
     flight.params.set("RTL_TYPE", kind, False)
@@ -460,6 +469,7 @@ def test_a_return_ends_at_the_nearest_rally_point(kind, ends):
     assert math.dist(flight.r[:2], ends) < 0.5
 
 
+@pytest.mark.computes
 def test_the_track_of_a_plan_inside_never_comes_closer_than_it_was_held_against():
     flight = _flown(go(15.0, 15.0, 5.0), go(-15.0, 15.0, 5.0), areas=(SQUARE,))
     assert flight.vehicle.mission.is_complete

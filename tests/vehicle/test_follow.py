@@ -79,6 +79,7 @@ def test_a_vehicle_without_a_target_stays():
     assert math.dist(flown.r, before) < 0.01
 
 
+@pytest.mark.computes
 def test_beside_a_target_at_rest_it_goes_to_its_distance_and_height_and_faces_it():
     flown = Follow(FLW_TGT_HT=12.0)
     place = Vec3(20.0, 15.0, 0.3)
@@ -90,6 +91,7 @@ def test_beside_a_target_at_rest_it_goes_to_its_distance_and_height_and_faces_it
     assert math.cos(flown.faces - math.atan2(-north, -east)) > 0.999
 
 
+@pytest.mark.computes
 def test_a_target_below_the_ground_is_followed_a_metre_above_home():
     """MAVSDK's example says 8 m below home, and FLW_TGT_HT is 8 m: the vehicle must not land."""
     flown = Follow(FLW_TGT_ALT_M=2.0)
@@ -104,6 +106,7 @@ def test_a_target_below_the_ground_is_followed_a_metre_above_home():
 @pytest.mark.parametrize(
     ("angle", "east", "north"), [(180.0, -8.0, 0.0), (90.0, 0.0, -8.0), (0.0, 8.0, 0.0)]
 )
+@pytest.mark.computes
 def test_beside_a_target_that_moves_it_keeps_its_angle(angle, east, north):
     """The target goes east: behind it is west, to its right is south."""
     flown = Follow(FLW_TGT_FA=angle)
@@ -112,6 +115,7 @@ def test_beside_a_target_that_moves_it_keeps_its_angle(angle, east, north):
     assert flown.beside(place(45.0)) == pytest.approx((east, north), abs=0.5)
 
 
+@pytest.mark.computes
 def test_a_target_that_stops_is_not_run_over():
     flown = Follow()
     stops = lambda t: Vec3(2.0 * min(t, 25.0), 0.0, 0.3)  # noqa: E731
@@ -124,6 +128,7 @@ def test_a_target_that_stops_is_not_run_over():
     assert math.hypot(*flown.beside(stops(25.0))) == pytest.approx(8.0, abs=0.2)
 
 
+@pytest.mark.computes
 def test_a_target_that_falls_silent_is_stopped_for():
     flown = Follow()
     place = lambda t: Vec3(2.0 * t, 0.0, 0.3)  # noqa: E731
@@ -135,6 +140,7 @@ def test_a_target_that_falls_silent_is_stopped_for():
     assert flown.r.x < place(20.0).x
 
 
+@pytest.mark.computes
 def test_following_is_no_faster_than_allowed():
     flown = Follow(FLW_TGT_MAX_VEL=1.0)
     fastest = 0.0
@@ -145,6 +151,7 @@ def test_following_is_no_faster_than_allowed():
     assert 0.9 < fastest < 1.1
 
 
+@pytest.mark.computes
 def test_the_height_may_be_the_targets():
     flown = Follow(FLW_TGT_ALT_M=2.0)
     place = Vec3(10.0, 0.0, 6.0)

@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 from types import SimpleNamespace
 
+import pytest
+
 from fcu.interface.status_texts import Code
 from fcu.kernel.algebra import Vec3
 from fcu.vehicle.mission import Do, Step
@@ -47,6 +49,7 @@ class Planned(Flown):
         return min(math.dist(r, (x, y, z)) for r in self.track)
 
 
+@pytest.mark.computes
 def test_a_plan_takes_off_goes_round_its_corners_and_lands_where_it_says():
     z = 5.0
     flight = Planned(
@@ -66,6 +69,7 @@ def test_a_plan_takes_off_goes_round_its_corners_and_lands_where_it_says():
     assert Code.MISSION_COMPLETE in flight.told
 
 
+@pytest.mark.computes
 def test_speed_is_kept_through_a_corner_and_not_where_it_holds():
     z = 5.0
     corner = go(30.0, 0.0, z), go(30.0, 30.0, z)
@@ -83,6 +87,7 @@ def test_speed_is_kept_through_a_corner_and_not_where_it_holds():
     print(speeds)
 
 
+@pytest.mark.computes
 def test_a_place_in_the_ground_is_flown_above_it():
     flight = Planned(UP, go(8.0, 0.0, -3.0), go(8.0, 8.0, 4.0))
     flight.begin(60.0)
@@ -104,6 +109,7 @@ def test_a_long_curve_is_held_against_the_fence_all_along():
     assert length(corner.acceleration) * (corner.for_s / len(asked)) ** 2 / 8.0 <= 0.01
 
 
+@pytest.mark.computes
 def test_what_follows_a_distance_is_done_that_far_from_the_next_place():
     """CONDITION_DISTANCE: the speed changes on the way, and the vehicle does not stop for it."""
     near = Step(Do.NEAR, value=20.0), Step(Do.SPEED, value=2.0)
@@ -119,6 +125,7 @@ def test_what_follows_a_distance_is_done_that_far_from_the_next_place():
     assert min(on_the_way) > 1.0
 
 
+@pytest.mark.computes
 def test_a_distance_that_is_met_takes_no_time_and_one_before_the_take_off_neither():
     near = Step(Do.NEAR, value=50.0), Step(Do.SPEED, value=2.0)
     flight = Planned(
@@ -130,6 +137,7 @@ def test_a_distance_that_is_met_takes_no_time_and_one_before_the_take_off_neithe
     assert 1.9 < led < 2.01  # a piece may be flown a tick too long
 
 
+@pytest.mark.computes
 def test_a_turn_behind_a_distance_is_made_where_it_is_met():
     turn = Step(Do.NEAR, value=10.0), Step(Do.TURN, value=math.pi)
     flight = Planned(UP, go(5.0, 0.0, 5.0), *turn, go(40.0, 0.0, 5.0))

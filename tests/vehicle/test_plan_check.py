@@ -198,6 +198,7 @@ NOWHERE = {
 
 
 @pytest.mark.parametrize("steps", NOWHERE.values(), ids=NOWHERE)
+@pytest.mark.computes
 def test_a_look_pauses_at_items_that_take_no_time(flight, walked, steps):
     flight.set(**SLOW)
     vehicle = flight.vehicle
@@ -210,6 +211,7 @@ def test_a_look_pauses_at_items_that_take_no_time(flight, walked, steps):
     assert most <= 2.0 * AT_A_TIME
 
 
+@pytest.mark.computes
 def test_a_guard_that_changes_again_and_again_costs_little_each_time(flight, walked):
     flight.set(MR_GUARD=GOVERN, **SLOW)
     flight.vehicle.take_plan((UP, *NOWHERE["distances"]), flight.t_us)

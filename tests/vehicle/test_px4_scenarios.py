@@ -63,6 +63,7 @@ def print_row(name, **measured):
     print(f"\n{name}: " + ", ".join(f"{key} {value:.2f}" for key, value in measured.items()))
 
 
+@pytest.mark.computes
 def test_takeoff_and_land():
     flight = Watched()
     flight.up(5.0)
@@ -72,6 +73,7 @@ def test_takeoff_and_land():
     print_row("Takeoff and Land", disarmed_s=took, off_home_m=flight.off_home())
 
 
+@pytest.mark.computes
 def test_fly_square_multicopter_missions_including_rtl():
     flight = Watched(*square(), RETURN)
     flight.begin(180.0, lambda: flight.vehicle.mode is Mode.RETURN)
@@ -81,6 +83,7 @@ def test_fly_square_multicopter_missions_including_rtl():
     print_row("Fly square ... including RTL", disarmed_s=took, off_home_m=flight.off_home())
 
 
+@pytest.mark.computes
 def test_fly_square_multicopter_missions_with_manual_rtl():
     flight = Watched(*square(hold_s=1.0))
     flight.begin(180.0)
@@ -97,6 +100,7 @@ def test_fly_square_multicopter_missions_with_manual_rtl():
 
 
 @pytest.mark.parametrize(("guard", "least"), [(0.0, 4.0), (1.0, 3.6)], ids=["warn", "govern"])
+@pytest.mark.computes
 def test_fly_straight_multicopter_mission(guard, least):
     """PX4 asks for 4 m/s at item 2. The guard that governs leads more slowly, for the wind that it believes in."""
     places = [(0.0, 20.0 * n, HEIGHT) for n in range(1, 5)]
@@ -118,6 +122,7 @@ def test_fly_straight_multicopter_mission(guard, least):
     assert slowest > least
 
 
+@pytest.mark.computes
 def test_mission_with_external_set_current_onto_a_do_jump_item():
     flight = Watched(
         UP, go(0.0, 100.0, 15.0), go(100.0, 100.0, 15.0), Step(Do.JUMP, to=1, times=1),
@@ -131,6 +136,7 @@ def test_mission_with_external_set_current_onto_a_do_jump_item():
     print_row("... set-current onto a DO_JUMP item", disarmed_s=took)
 
 
+@pytest.mark.computes
 def test_recovers_after_missing_a_waypoint_during_a_home_altitude_change():
     ahead = [go(0.0, y, 20.0, above_home=True, radius=2.0) for y in (60.0, 100.0, 140.0)]
     flight = Watched(UP._replace(place=Vec3(math.nan, math.nan, 20.0)), *ahead, Step(Do.LAND))
@@ -147,6 +153,7 @@ def test_recovers_after_missing_a_waypoint_during_a_home_altitude_change():
     print_row("... home-altitude change", beside_m=beside, disarmed_s=took)
 
 
+@pytest.mark.computes
 def test_return_direct_with_geofence_obstruction():
     wall = Polygon(False, ((10.0, 20.0), (45.0, 20.0), (45.0, 30.0), (10.0, 30.0)))
     flight = Watched(UP, go(0.0, 60.0, HEIGHT), go(30.0, 60.0, HEIGHT), go(60.0, 60.0, HEIGHT))
@@ -166,6 +173,7 @@ def test_return_direct_with_geofence_obstruction():
      (((0.0, 75.0),), (0.0, 100.0), (0.0, 75.0))],
     ids=["no rally points", "home is closest", "home is not closest"],
 )  # fmt: skip
+@pytest.mark.computes
 def test_return_to_the_closest_of_home_and_rally_points(rally, to, ends):
     """PX4's three cases of RTL_TYPE 6, without a battery that tells how long it lasts. A quarter of its distances."""
     flight = Watched(UP, go(*to, HEIGHT))

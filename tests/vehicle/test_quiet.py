@@ -76,6 +76,7 @@ def share(flown, since=0):
     return np.mean(flown.vehicle.quiet[since:])
 
 
+@pytest.mark.computes
 def test_a_cruise_in_offboard_and_a_hold_are_quiet(flown):
     flown.up(10.0)
     flown.stream(lambda: at(3.0, 2.0, 9.0), 1.0)
@@ -88,6 +89,7 @@ def test_a_cruise_in_offboard_and_a_hold_are_quiet(flown):
     assert share(flown, since) >= 0.99
 
 
+@pytest.mark.computes
 def test_a_stream_that_is_lost_a_return_and_its_landing(flown):
     flown.params.set("COM_OBL_RC_ACT", 3.0, False)
     flown.up(3.0)
@@ -97,6 +99,7 @@ def test_a_stream_that_is_lost_a_return_and_its_landing(flown):
     assert flown.told[-2:] == [Code.LANDED, Code.DISARMED_LANDED]
 
 
+@pytest.mark.computes
 def test_setpoints_near_the_ground_and_in_it(flown):
     flown.up(2.5)
     flown.stream(lambda: at(4.0, 0.0, -0.7), 2.0)  # raised
@@ -107,6 +110,7 @@ def test_setpoints_near_the_ground_and_in_it(flown):
     assert flown.told[-1] is Code.DISARMED_LANDED
 
 
+@pytest.mark.computes
 def test_a_reposition_into_the_ground_and_idling_on_it(flown):
     flown.fly(0.5)
     flown.vehicle.arm(flown.t_us, 0.0)
@@ -118,6 +122,7 @@ def test_a_reposition_into_the_ground_and_idling_on_it(flown):
     assert Code.LED_INTO_GROUND in flown.told
 
 
+@pytest.mark.computes
 def test_a_battery_that_runs_low_returns_and_lands(flown):
     """It falls by 2 % a second, and each report is off by up to 1 %."""
     random = np.random.default_rng(1)

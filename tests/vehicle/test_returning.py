@@ -120,6 +120,7 @@ def returned(kind, *steps, until, fence=()):
 WAY = UP, go(15.0, 0.0, 5.0), go(15.0, 15.0, 6.0), go(0.0, 15.0, 5.0)
 
 
+@pytest.mark.computes
 def test_back_along_the_plan_is_flown_place_by_place():
     flight = returned(2, *WAY, until=3)
     assert flight.nearest(15.0, 15.0, 6.0) < 0.3
@@ -128,6 +129,7 @@ def test_back_along_the_plan_is_flown_place_by_place():
     assert max(r.z for r in flight.track) < 7.0  # it does not climb to RTL_RETURN_ALT
 
 
+@pytest.mark.computes
 def test_on_along_the_plan_to_its_landing_passes_over_holds():
     steps = (*WAY[:3], WAY[3]._replace(hold_s=60.0), Step(Do.WAIT, hold_s=60.0), Step(Do.LAND, Vec3(-5.0, 15.0, 0.0)))  # fmt: skip
     flight = returned(2, *steps, until=2)
@@ -137,6 +139,7 @@ def test_on_along_the_plan_to_its_landing_passes_over_holds():
     assert flight.t_us < 90e6
 
 
+@pytest.mark.computes
 def test_straight_to_the_landing_of_the_plan_at_the_height_of_a_return():
     steps = (*WAY, Step(Do.LANDING_BEGINS), go(-10.0, 10.0, 4.0), Step(Do.LAND, Vec3(-10.0, 0.0, 0.0)))  # fmt: skip
     flight = returned(3, *steps, until=3)
@@ -147,6 +150,7 @@ def test_straight_to_the_landing_of_the_plan_at_the_height_of_a_return():
     assert math.dist(flight.r[:2], (-10.0, 0.0)) < 0.5
 
 
+@pytest.mark.computes
 def test_the_way_to_the_plan_goes_around_what_the_fence_forbids():
     """In Hold beside the plan: the way to its nearest place leads through the pond."""
     flight = Planned(UP, go(15.0, 0.0, 5.0), go(15.0, 20.0, 5.0))
@@ -200,6 +204,7 @@ def test_home_is_returned_to_while_the_charge_lasts(lasts, here, found):
 
 
 @pytest.mark.parametrize(("remaining", "ends"), [(0.9, (0.0, 0.0)), (0.02, (0.0, 60.0))])
+@pytest.mark.computes
 def test_a_return_by_charge_is_flown_home_or_to_the_rally_point(remaining, ends):
     """At 30 A a full battery lasts for half an hour. A return takes PX4's 100 s and more."""
     flight = Planned(UP, go(0.0, 80.0, 5.0))

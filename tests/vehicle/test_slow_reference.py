@@ -27,6 +27,7 @@ ended = "landed"
 
 
 @pytest.mark.parametrize("c_rate", [20.0, 30.0, 60.0, 150.0])
+@pytest.mark.computes
 def test_a_take_off_ends_at_its_height(c_rate: float, tmp_path: Path) -> None:
     """At 150 the guard leaves 1 m/s^3 of jerk, and a take-off to 6 m climbed to 13.6 m and stayed."""
     mission, out = tmp_path / "across.toml", tmp_path / "out"

@@ -48,10 +48,9 @@ class Bare:
 
 
 def environment(folder: Path) -> Path:
-    """Make a virtual environment with pip, and with what this one has installed beside our packages."""
-    subprocess.run(
-        [sys.executable, "-m", "venv", folder], check=True, capture_output=True, timeout=PATIENCE_S
-    )
+    """Make a virtual environment with what this one has installed beside our packages, pip among it."""
+    make = [sys.executable, "-m", "venv", "--without-pip", folder]
+    subprocess.run(make, check=True, capture_output=True, timeout=PATIENCE_S)
     (packages,) = folder.glob("lib/python*/site-packages")
     # a line of a .pth file is a folder, whose own .pth files (the checkout's is one) are not read
     (packages / "dependencies.pth").write_text(sysconfig.get_path("purelib") + "\n")

@@ -120,6 +120,7 @@ def test_a_flight_in_another_field_is_asked_where_it_lies(tmp_path, monkeypatch)
         command._way(tmp_path, None, tmp_path / "street.field")
 
 
+@pytest.mark.computes
 def test_the_stated_rate_covers_the_gradient_of_every_place():
     from gcs_tools.wind_fields.check import summary
 
@@ -158,6 +159,7 @@ def test_places_outside_the_field_and_in_its_houses_are_not_known():
     assert along(sheared(), t, r + np.array([0.0, 0.0, 50.0])).outside == 1.0
 
 
+@pytest.mark.computes
 def test_the_street_is_free_of_divergence_and_nothing_flows_through_walls():
     made = packable(street_field.street())
     assert divergence(made) < 1e-6
@@ -178,6 +180,7 @@ def test_the_street_is_free_of_divergence_and_nothing_flows_through_walls():
         assert (of == 0.0).all()  # fmt: skip
 
 
+@pytest.mark.computes
 def test_the_shipped_street_is_what_its_study_makes():
     from gcs_tools.missions.mission import folder
 
@@ -187,6 +190,7 @@ def test_the_shipped_street_is_what_its_study_makes():
     assert (shipped.top == made.top).all()
 
 
+@pytest.mark.computes
 def test_what_cannot_be_drawn_or_looked_along_is_refused_and_leaves_no_file(tmp_path):
     save(tmp_path / "f", sheared(), {})
     (tmp_path / "no.mcap").write_bytes(b"no recording")

@@ -62,6 +62,7 @@ CASES = [(rate, speed) for rate in (250, 1000, 4000) for speed in (0.0, 4.0, 20.
 
 @pytest.mark.parametrize("kind", [air.DRYDEN, air.VON_KARMAN])
 @pytest.mark.parametrize(("rate", "speed"), CASES)
+@pytest.mark.computes
 def test_spectra_are_those_of_the_standard_at_every_step_and_speed(kind, rate, speed):
     """In bands of a third of a decade, within four deviations of the estimate, and what the filters leave.
 
@@ -83,6 +84,7 @@ def test_spectra_are_those_of_the_standard_at_every_step_and_speed(kind, rate, s
 
 @pytest.mark.parametrize("kind", [air.DRYDEN, air.VON_KARMAN])
 @pytest.mark.parametrize("rate", [250, 1000, 4000])
+@pytest.mark.computes
 def test_variances_are_those_of_the_standard(kind, rate):
     """Of three seeds at 20 m/s, within four deviations of what 1,000 s can tell."""
     here = low_altitude.at_height(HEIGHT, W20)
