@@ -1,7 +1,8 @@
 """uDALES' field dumps: u, v and w on the faces of a grid, in a tile for each process that wrote.
 
 After uDALES' source (modfielddump.f90): u(time, zt, yt, xm), v(time, zt, ym, xt), w(time, zm, yt, xt), each on the
-lower face of its cell. In buildings the wind is 0, and mask_c is 0 where it was dumped.
+lower face of its cell. In buildings mask_c is 0 where it was dumped, and solid_c.txt (of the folder that uDALES ran
+in) lists their cells. The wind in them is small, but need not be 0.
 """
 
 from __future__ import annotations
@@ -11,6 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
+from fcu.interface.files import input_file
 from gcs_tools.wind_fields import netcdf
 from gcs_tools.wind_fields.grid import (
     METRES_A_SECOND,
@@ -28,6 +30,7 @@ DIMENSIONS = {
     "mask_c": ("time", "zt", "yt", "xt"),
 }  # fmt: skip
 AXES = ("xt", "xm", "yt", "ym", "zt", "zm")
+SOLIDS, MOST_MIB = "solid_c.txt", 256
 TILE = re.compile(r"(?P<what>\w+)\.(?P<x>\d{3})\.(?P<y>\d{3})\.(?P<experiment>\w+)\.nc")
 
 
@@ -76,6 +79,8 @@ def read(contents: Contents, path: Path) -> Grid:
         except ValueError as error:
             raise wrong(source, f"{name} of its tiles does not fit together: {error}") from error
 
+    if not first.variables["time"].values.size:
+        raise wrong(source, "it has no times: did the run end before it wrote (tfielddump)?")
     parts = {}
     for name in ("u", "v", "w"):
         check_units(source, name, first.variables[name].attributes.get("units"), METRES_A_SECOND)
@@ -88,11 +93,18 @@ def read(contents: Contents, path: Path) -> Grid:
     grid.cells = axes["xt"], axes["yt"], axes["zt"]
     if all("mask_c" in of.variables for of in tiles.values()):
         grid.solid = joined("mask_c")[-1] == 0
+    elif (path.parent / SOLIDS).exists():
+        grid.solid = _listed(path.parent / SOLIDS, parts["u"].v.shape[1:])
+        grid.notes.append(f"buildings are the cells of {SOLIDS}, which lies beside it")
     else:
         grid.solid = _still(parts)
         grid.notes.append(
             "without mask_c (fieldvars mc) cells in which no air ever moves count as buildings"
         )
+        if not grid.solid.any():
+            grid.notes.append(f"no building was found: if there are some, put {SOLIDS} beside it")
+    if _close(parts, grid.solid):
+        grid.notes.append("wind through walls, and inside buildings, was taken out")
     grid.notes.append(f"{len(tiles)} tiles were joined" if len(tiles) > 1 else "one tile")
     grid.notes.append(f"{100.0 * grid.solid.mean():.1f} % of the cells are buildings")
     return grid
@@ -109,6 +121,33 @@ def _tiles(contents: Contents, path: Path) -> dict[tuple[int, int], Contents]:
         if other and other["what"] == named["what"] and other["experiment"] == named["experiment"]:
             place = int(other["x"]), int(other["y"])
             found[place] = contents if each.name == path.name else netcdf.read(each)
+    return found
+
+
+def _listed(path: Path, shape: tuple[int, ...]) -> Array:
+    """Cells that a file lists as numbers along x, y and z from 1: bool[z, y, x]. Raises FieldError, OSError."""
+    lines = input_file.text(path, MOST_MIB * input_file.MIB).splitlines()
+    numbers = [line.split() for line in lines if line.strip() and not line.lstrip().startswith("#")]
+    try:
+        cells = np.array(numbers, dtype=np.int64).reshape(-1, 3) - 1
+    except (ValueError, OverflowError) as error:
+        raise wrong(str(path), "expected lines of three whole numbers, of a cell") from error
+    if (cells < 0).any() or (cells >= shape[::-1]).any():
+        raise wrong(str(path), f"it has cells outside the {shape[::-1]} of the field")
+    solid = np.zeros(shape, dtype=bool)
+    solid[cells[:, 2], cells[:, 1], cells[:, 0]] = True
+    return solid
+
+
+def _close(parts: dict[str, Part], solid: Array) -> bool:
+    """Take out the wind on faces of solid cells. Return true if there was some."""
+    found = False
+    for name, axis in (("u", 2), ("v", 1), ("w", 0)):
+        before = np.roll(solid, 1, axis)
+        np.moveaxis(before, axis, 0)[0] = False
+        of = parts[name].v
+        found |= bool(of[:, solid | before].any())
+        of[:, solid | before] = 0.0
     return found
 
 

@@ -131,6 +131,15 @@ def test_a_file_that_palm_wrote_is_met_where_palm_has_its_faces():
     assert 1e-3 < divergence(field) < 1e-2
 
 
+def test_a_file_that_qes_wrote_has_its_building_and_closed_walls():
+    """One building of 3 x 4 x 4 cells, of values at centres."""
+    field = packable(read(Path(__file__).parent / "qes_building.nc"))
+    assert (np.argwhere(field.top == 16.0)[[0, -1]] == [[4, 5], [7, 7]]).all()
+    assert (field.top > 0.0).sum() == 3 * 4
+    assert not field.u.v[0, :4, 4:8, 5:9].any() and not field.w.v[0, 4, 4:8, 5:8].any()
+    assert 3.0 < field.u.v.max() < 10.0 and field.w.v.max() > 0.5
+
+
 @pytest.mark.parametrize("fill", [FILL, -9999.0])
 def test_palms_faces_stand_where_palm_has_them_and_fill_is_a_building(tmp_path, fill):
     field = packable(read(palm(tmp_path / "p.nc", times=3, fill=fill)))

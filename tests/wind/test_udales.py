@@ -51,6 +51,27 @@ def dump(folder, with_mask=True):
     return folder / "fielddump.000.000.007.nc"
 
 
+def test_buildings_with_wind_in_them_are_those_of_the_list_beside_the_dump(tmp_path):
+    """As uDALES writes them: the wind in buildings is small, but not 0."""
+    path = dump(tmp_path, with_mask=False)
+    for tile in (0, 1):
+        with netcdf_file(tmp_path / f"fielddump.{tile:03d}.000.007.nc", "a") as file:
+            file.variables["u"].data[:] += np.float32(0.02)
+    grid = read(path)
+    assert not grid.solid.any()
+    assert any("solid_c.txt" in note for note in grid.notes)
+    cells = np.argwhere(np.ones((3, 2, 4))) + [0, 3, 2] + 1
+    lines = "\n".join(f"{x:4d} {y:4d} {z:4d}" for z, y, x in cells)
+    (tmp_path / "solid_c.txt").write_text("# position (i,j,k)\n" + lines + "\n")
+    grid = read(path)
+    field = packable(grid)
+    assert field.top.max() == pytest.approx(6.0) and (field.top > 0.0).sum() == 8
+    assert not field.u.v[:, :3, 3:5, 2:7].any() and field.u.v[0, 0, 3, 1] == np.float32(3.02)
+    (tmp_path / "solid_c.txt").write_text("9 1 1\n")
+    with pytest.raises(FieldError, match="outside"):
+        read(path)
+
+
 @pytest.mark.parametrize("with_mask", [True, False])
 def test_tiles_are_joined_and_the_house_stands(tmp_path, with_mask):
     field = packable(read(dump(tmp_path, with_mask)))
