@@ -49,6 +49,7 @@ def test_inside_the_limits_the_rotors_do_what_is_asked(rotors, T, roll, pitch, y
     pitch=st.floats(-60.0, 60.0),
     yaw=st.floats(-20.0, 20.0),
 )
+@pytest.mark.computes
 def test_the_priority_is_roll_and_pitch_then_thrust_then_yaw(rotors, T, roll, pitch, yaw):
     demanded = np.array([roll, pitch, yaw])
     f, gave_up = allocation.allocate(rotors, T, Vec3(roll, pitch, yaw))
@@ -205,6 +206,7 @@ def any_rotors(request):
     pitch=st.floats(-0.5, 0.5),
     yaw=st.floats(-0.02, 0.02),
 )
+@pytest.mark.computes
 def test_rotors_of_any_airframe_do_what_is_asked(any_rotors, part, roll, pitch, yaw):
     T = part * any_rotors.W * any_rotors.f_max
     for safe in (1.0, 0.0):
@@ -221,6 +223,7 @@ def test_rotors_of_any_airframe_do_what_is_asked(any_rotors, part, roll, pitch, 
     tau=st.tuples(st.floats(-40.0, 40.0), st.floats(-40.0, 40.0), st.floats(-5.0, 5.0)),
     safe=st.sampled_from([0.0, 1.0]),
 )
+@pytest.mark.computes
 def test_rotors_of_any_airframe_keep_to_their_own_limits(any_rotors, T, tau, safe):
     rotors = any_rotors._replace(safe=safe)
     f, _ = allocation.allocate(rotors, T, Vec3(*tau))

@@ -26,6 +26,7 @@ def vec3(row):
 
 @pytest.mark.parametrize("rate_hz", [100.0, 250.0, 500.0, 1000.0])
 @pytest.mark.parametrize("gamma", [10.0, 1e3, 1e5])
+@pytest.mark.computes
 def test_the_velocity_step_is_the_solution_of_seven_linear_equations(
     law, random_state, rate_hz, gamma
 ):
@@ -59,6 +60,7 @@ def test_the_velocity_step_is_the_solution_of_seven_linear_equations(
 
 @pytest.mark.parametrize("rate_hz", [100.0, 250.0, 500.0, 1000.0])
 @pytest.mark.parametrize("gamma", [10.0, 1e3, 1e5])
+@pytest.mark.computes
 def test_a_rate_step_is_the_solution_of_five_linear_equations(law, random_state, rate_hz, gamma):
     """Unknowns of the roll axis after the tick: p_til, s_p_hat, c_p1_hat, c_p2_hat, 1/J_1_hat."""
     params, rng = law(rate_hz=rate_hz, gamma=gamma), np.random.default_rng(5)
@@ -136,6 +138,7 @@ def matching_plant(params, rng, n):
 
 @pytest.mark.parametrize("rate_hz", [100.0, 200.0, 500.0, 1000.0])
 @pytest.mark.parametrize("gamma", [1e2, 1e3, 1e5])
+@pytest.mark.computes
 def test_the_lyapunov_functions_do_not_grow(settings_of, fixed, ticks, rate_hz, gamma):
     """V = |v_til|^2 + |s_til|^2/gamma + Lambda_til^2/gamma_Lambda, and its like for the rates."""
     settings = settings_of(rate_hz=rate_hz, gamma=gamma, rotor_lag_s=0.0)

@@ -111,6 +111,7 @@ def test_a_wrong_inertia_is_corrected(epsilon):
     assert np.abs(w - 0.2 * responses(num, den, t)).max() < 0.03 * 0.2
 
 
+@pytest.mark.computes
 def test_a_steady_force_and_torque_leave_no_error_of_position():
     """Figure 7: the position comes back; a law that is not incremental stays away."""
     m = 8.0

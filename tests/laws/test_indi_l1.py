@@ -31,6 +31,7 @@ def test_a_force_that_pulls_down_never_turns_it_over(law):
 
 
 @pytest.mark.parametrize(("phi", "theta", "way"), [(0.1, 0.0, (0.0, -1.0)), (0.0, 0.1, (1.0, 0.0))])
+@pytest.mark.computes
 def test_an_attitude_is_taken_and_pushes_that_way(law, phi, theta, way):
     lying = at()._replace(level=1.0, tilt_c=Vec3(phi, theta, 0.0), T_c=W / math.cos(0.1))
     rows = fly(law, lying, 1.5)
@@ -41,6 +42,7 @@ def test_an_attitude_is_taken_and_pushes_that_way(law, phi, theta, way):
 
 
 @pytest.mark.parametrize(("axis", "rate"), [("x", 0.3), ("y", -0.3), ("z", 0.3)])
+@pytest.mark.computes
 def test_a_body_rate_is_taken(law, axis, rate):
     turning = at()._replace(level=2.0, w_c=Vec3(0.0, 0.0, 0.0)._replace(**{axis: rate}), T_c=W)
     measured, _, _, _ = fly(law, turning, 1.5)[-1]
@@ -49,6 +51,7 @@ def test_a_body_rate_is_taken(law, axis, rate):
 
 @pytest.mark.parametrize("light", [False, True])
 @pytest.mark.parametrize("rate_hz", [250.0, 500.0])
+@pytest.mark.computes
 def test_with_its_defaults_a_vehicle_of_any_size_settles_at_a_step(name, light, rate_hz):
     """Three metres aside, two up and a quarter turn, with gains that follow from the airframe."""
     law = flown(name, small(OCTO) if light else OCTO, rate_hz)
@@ -60,6 +63,7 @@ def test_with_its_defaults_a_vehicle_of_any_size_settles_at_a_step(name, light, 
     assert rows[-1][2].angles.z == pytest.approx(0.5 * math.pi, abs=0.01)
 
 
+@pytest.mark.computes
 def test_a_steady_push_upwards_and_a_torque_leave_no_error(law):
     """The force is a fifth of the weight, the torque a twentieth of that about roll in hover."""
     rows = fly(law, at(), 6.0, lambda t: (Vec3(0.0, 0.0, 0.2 * W), Vec3(1.0, -1.0, 0.1)))

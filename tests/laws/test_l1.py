@@ -116,6 +116,7 @@ def injecting(t):
     return Vec3(0.0, 0.0, T), torque
 
 
+@pytest.mark.computes
 def test_l1_adapts_as_its_authors_code_does(paper):
     """Estimates and compensation of a flight with their uncertainties, within 2 % of the greatest."""
     rows = fly(paper, at(0.3, -0.2, 0.1), 6.0, injecting, 0.0, 1)
@@ -149,6 +150,7 @@ def test_estimates_follow_the_injected_uncertainties_within_a_sample_or_so(paper
     assert (np.abs(found - true)[3:, :3].max(axis=0) < 2.0 * rate / RATE + short).all()
 
 
+@pytest.mark.computes
 def test_l1_leaves_a_fifth_of_the_error_of_its_baseline(paper):
     """The publications' claim on average: five times smaller. Here of the injected uncertainties."""
     rms = {}
@@ -228,6 +230,7 @@ def test_the_commanded_attitude_turns_as_its_derivatives_say(paper):
         assert now.w_dot == pytest.approx(w_dot, abs=1e-5)
 
 
+@pytest.mark.computes
 def test_leaning_against_the_unmatched_force_leaves_no_error(paper):
     """As published a steady push aside leaves its force over K_p; leaned against, nothing."""
     push = Vec3(1.5, 0.0, 0.0)

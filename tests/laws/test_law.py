@@ -49,6 +49,7 @@ def reference_error(params, seconds):
     return worst
 
 
+@pytest.mark.computes
 def test_the_reference_model_is_its_matrix_exponential(law):
     for rate_hz in (250.0, 500.0, 1000.0):
         assert reference_error(law(rate_hz=rate_hz, f_m=1.0), 5.0) < 1e-9

@@ -116,6 +116,7 @@ def test_a_recording_shows_what_ever_has_a_value(run: Path) -> None:
     assert np.isnan(shown.flown("position_error")[1]).all()
 
 
+@pytest.mark.computes
 def test_figures_that_have_nothing_to_show_are_not_drawn(run: Path) -> None:
     done = CliRunner().invoke(main, ["plot", str(run), "--json"])
     assert done.exit_code == 0, done.output

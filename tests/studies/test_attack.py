@@ -19,7 +19,7 @@ from gcs_tools.flight import law_alone
 from gcs_tools.gusts import worst_wind
 from gcs_tools.gusts.ends import ends
 from gcs_tools.judging.preflight_check import refusal
-from gcs_tools.studies.attack import computed, eddies, report
+from gcs_tools.studies.attack import computed, draws, eddies, report
 from gcs_tools.studies.attack.__main__ import campaign, flown, main, show
 from gcs_tools.studies.attack.draws import (
     FIRST_S,
@@ -75,6 +75,7 @@ def shortened(found, seconds):
     return replace(found, scene=scene, noise=found.noise[:ticks])
 
 
+@pytest.mark.computes
 def test_a_flight_of_a_seed_is_the_same_whoever_flies_it():
     how = How(noise="bounded")
     once, again = (flown(shortened(sampled_attack(3, 5, how), 4.0)) for _ in range(2))
@@ -153,6 +154,7 @@ def test_a_reference_that_swings_about_its_setpoint_is_not_late():
     assert 0.5 < verdict(found, flown(found)).took < 1.0
 
 
+@pytest.mark.computes
 def test_draws_lie_within_the_beliefs():
     vehicle, drag = believed()[1]["vehicle"], believed()[1]["air"]["drag"]
     shipped = sampled_attack(1, 0, How(as_shipped=True)).scene
@@ -226,6 +228,7 @@ def test_room_is_where_the_allocation_begins_to_give_up():
     assert rooms > 1000
 
 
+@pytest.mark.computes
 def test_an_unguarded_law_is_contradicted():
     """The counter counts."""
     found = campaign(UNGUARDED, 20, 1)
@@ -284,15 +287,17 @@ def test_upper_limits_are_those_of_clopper_and_pearson(count, limit):
     assert report.upper(count, 1000) == pytest.approx(limit, rel=1e-3)
 
 
-def test_gains_that_are_never_stable_fly_nothing():
+def test_gains_that_are_never_stable_fly_nothing(monkeypatch):
+    monkeypatch.setattr(draws, "TRIES", 20)
     with pytest.raises(NoFlightError):
         sampled_attack(1, 0, How(settings=parsed([UNSTABLE])))
 
 
+@pytest.mark.computes
 def test_a_search_finds_what_is_worse_than_what_it_begins_with_and_it_flies_again(tmp_path):
-    found = search(UNGUARDED, 192, 1)
+    found = search(UNGUARDED, 128, 1)
     worst = found.found[0]
-    assert found.flights <= 192
+    assert found.flights <= 128
     again = attack(worst.numbers, UNGUARDED)
     assert verdict(again, flown(again)) == worst.verdict
     assert [f.verdict.least_n for f in found.found] == sorted(
@@ -306,6 +311,7 @@ def test_a_search_finds_what_is_worse_than_what_it_begins_with_and_it_flies_agai
     assert json.loads(again.stdout)["govern"]["verdict"] == of["verdict"]
 
 
+@pytest.mark.computes
 def test_the_command_answers_by_its_exit_code(tmp_path):
     done = run("--flights", 4, "--json")
     assert done.exit_code == 0, done.output
@@ -339,7 +345,8 @@ def test_the_command_answers_by_its_exit_code(tmp_path):
         ("--flights", "0"),
     ],
 )
-def test_a_bad_command_line_is_one(arguments):
+def test_a_bad_command_line_is_one(arguments, monkeypatch):
+    monkeypatch.setattr(draws, "TRIES", 20)
     assert run(*arguments).exit_code == 2
 
 
@@ -376,6 +383,7 @@ def test_a_table_that_is_piped_is_whole(capsys):
     assert all(sum(head in line for line in out.splitlines()) == 2 for head in heads)
 
 
+@pytest.mark.computes
 def test_the_spine_flies_what_it_computes(monkeypatch):
     """A round of a search, for one vehicle: the attack's own flight in the wind leaves the same room."""
     monkeypatch.setattr(worst_wind, "FIRST_ROUNDS", 1)
@@ -390,6 +398,7 @@ def test_the_spine_flies_what_it_computes(monkeypatch):
 
 
 @pytest.mark.parametrize("name", computed.MANOEUVRES)
+@pytest.mark.computes
 def test_a_manoeuvre_that_refuses_is_made_smaller_until_nothing_is_refused(name):
     scale, _, scene = computed.admitted(name, How(policy="refuse"))
     assert refusal(scene) == ""

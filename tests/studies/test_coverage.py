@@ -26,6 +26,7 @@ def test_what_is_known_now_is_what_the_last_tick_demanded():
     assert 60.0 < T_z < 95.0  # 8 kg, and a drag of 2.7 N at most
 
 
+@pytest.mark.computes
 def test_the_present_admits_more_and_all_of_it_is_safe():
     of = coverage.found(CASE)
     assert of.prior < of.both <= of.safe

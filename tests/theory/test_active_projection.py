@@ -30,6 +30,7 @@ def stiffness(kept_in, Theta_hat, f, y_til):
 
 @pytest.mark.parametrize("margin", [0.0, 0.1, 1.0])
 @pytest.mark.parametrize("shape", ["ball", "box"])
+@pytest.mark.computes
 def test_projection_of_theta_hat_leaves_g_in_its_range(shape, margin):
     """Estimates on the edge of the outer set, and between the edges; adaptation in and outward."""
     rng = np.random.default_rng(5)

@@ -88,6 +88,7 @@ def test_a_bound_that_is_cut_is_exceeded(monkeypatch):
     assert any(one.exceeded for one in found if isinstance(one, Held))
 
 
+@pytest.mark.computes
 def test_a_d_hat_beyond_what_the_guarantee_says_is_exceeded(monkeypatch):
     """The check can fail: say a thousandth of |d_hat|, in a set that is as large as before."""
     real = check.region_guarantee

@@ -51,6 +51,7 @@ def test_the_control_gain_has_these_values(zeta, N):
 
 
 @pytest.mark.parametrize("zeta", ZETAS)
+@pytest.mark.computes
 def test_some_disturbance_attains_the_bounds_and_none_exceeds_them(zeta):
     c = channel(zeta)
     for out, bound in (
@@ -78,6 +79,7 @@ def test_no_disturbance_exceeds_the_bounds_where_a_is_not_small(A, k, G):
 
 @pytest.mark.parametrize(("A", "k", "G"), WITH_A)
 @pytest.mark.parametrize("start", [(0.0, 1.0), (1.0, 0.0), (0.3, -1.0)])
+@pytest.mark.computes
 def test_start_and_disturbance_together_stay_under_30_where_a_is_not_small(A, k, G, start):
     """At every 20th time under the delta that does most to z until then."""
     c = Channel(A, k, 1.0, G)
@@ -98,6 +100,7 @@ def test_start_and_disturbance_together_stay_under_30_where_a_is_not_small(A, k,
 
 @pytest.mark.parametrize("zeta", ZETAS)
 @pytest.mark.parametrize("start", [(0.0, 1.0), (1.0, 0.0), (-0.5, 1.0)])
+@pytest.mark.computes
 def test_the_start_is_forgotten_under_its_envelope(zeta, start):
     c = channel(zeta)
     bound = control_difference(c, start[1], 0.0, start[0])
@@ -142,6 +145,7 @@ def test_any_loop_with_one_channel_is_that_channel(zeta, share, B, P):
 
 @pytest.mark.parametrize("beside", [False, True])
 @pytest.mark.parametrize("norm", ["spectral", "entries"])
+@pytest.mark.computes
 def test_any_loop_against_random_disturbances_and_moving_regressors(beside, norm):
     rng = np.random.default_rng(3)
     tightest = np.inf

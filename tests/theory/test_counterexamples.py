@@ -34,6 +34,7 @@ def test_13_is_shown_with_a_lambda_hat_that_is_one_number_learnt_within_its_set(
 
 
 @pytest.mark.parametrize("name", ["command_over_lambda", "limit_of_channels"])
+@pytest.mark.computes
 def test_conditions_that_hold_while_the_control_saturates(name):
     found = getattr(counterexamples, name)()
     assert found.printed_margin > 0.0
@@ -42,6 +43,7 @@ def test_conditions_that_hold_while_the_control_saturates(name):
 
 
 @pytest.mark.parametrize("name", ["ball_of_the_theorem", "tracking_error_left_out"])
+@pytest.mark.computes
 def test_conditions_that_hold_while_the_state_leaves_for_good(name):
     found = getattr(counterexamples, name)()
     assert found.printed_margin > -1e-9

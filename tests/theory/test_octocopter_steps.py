@@ -59,6 +59,7 @@ def test_the_compiled_printed_position_step_is_backward_euler_of_the_general_for
 
 @pytest.mark.parametrize("achieved", [True, False], ids=["achieved", "printed"])
 @pytest.mark.parametrize("rate_hz", [20.0, 500.0])
+@pytest.mark.computes
 def test_the_compiled_rate_steps_are_backward_euler_of_the_general_form(
     free, taken_over, some, rate_hz, achieved
 ):

@@ -55,6 +55,7 @@ def instants(kept_in, rng):
 @pytest.mark.parametrize("margin", [0.1, 0.0], ids=["smooth", "hard"])
 @pytest.mark.parametrize("kind", ["ball", "box", "ball in Lambda"])
 @pytest.mark.parametrize("structure", list(Structure))
+@pytest.mark.computes
 def test_sound_says_where_projection_cannot_raise_v(kind, structure, margin):
     """tr(error^T Lambda (Y - Pr)) <= 0 at 100 000 instants where sound, and above 0 somewhere if not."""
     if kind == "ball in Lambda" and margin == 0.0:

@@ -148,6 +148,7 @@ def held_at(model, assumed, v_star, e_0):
         return False
 
 
+@pytest.mark.computes
 def test_the_ball_of_attraction_counts_the_regressor_that_grows_with_it():
     model, v_star = MODEL._replace(gamma_Theta=100.0), 3.9
     too_far = frozen(model, assumptions(), v_star)

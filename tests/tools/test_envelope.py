@@ -373,10 +373,10 @@ def test_a_search_finds_the_end_of_what_holds():
 
 def test_flights_inside_saturate_nothing_and_governed_flights_nothing_at_all():
     """A few of `python -m gcs_tools.studies.guard_check`, with a seed of their own."""
-    found = check(60, seed=7)
+    found = check(30, seed=7)
     assert holds(found), found
-    assert found.ways_inside > 20
-    assert found.warned_saturated > 10
+    assert found.ways_inside > 10
+    assert found.warned_saturated > 5
     assert found.condition_least_n > -2.0
 
 

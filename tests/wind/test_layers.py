@@ -97,6 +97,7 @@ def test_variances_are_those_of_the_standard(kind, rate):
 
 
 @pytest.mark.parametrize("kind", [air.DRYDEN, air.VON_KARMAN])
+@pytest.mark.computes
 def test_a_seed_gives_the_same_bits_and_another_gives_others(kind):
     one, again, other = (flown(kind, 250, 4.0, seed) for seed in (5, 5, 6))
     assert one.tobytes() == again.tobytes()
