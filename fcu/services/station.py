@@ -11,7 +11,7 @@ from collections import Counter
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -42,7 +42,6 @@ from fcu.mavlink.requests import (
     NotTaken,
     SetMode,
 )
-from fcu.mavlink.setpoints import AttitudeSetpointMessage, SetpointMessage
 from fcu.mavlink.telemetry import Heartbeat, gps_global_origin
 from fcu.parameters import Parameters
 from fcu.services import status
@@ -54,6 +53,7 @@ from fcu.services.command_protocol import (
     Verdict,
     denied,
 )
+from fcu.services.exchange import SERVICE_OF, Service
 from fcu.services.ground_port import PEERS, GroundPort, Link
 from fcu.services.information import Information
 from fcu.services.messages import STREAMS
@@ -84,6 +84,7 @@ from fcu.vehicle.state_machine import StateMachine
 
 Bind = Callable[[int, str], Datagrams]
 Listen = Callable[[int, str, int], TcpSocket]
+Take = Callable[[GroundPort, Link, Any, int, float], None]  # message, tick (us), wall (s)
 
 
 class Say(Protocol):
@@ -168,6 +169,18 @@ class Station:
         self._offboard = OffboardProtocol(vehicle, params, identity.origin, self.tell)
         self._sticks = StickProtocol(vehicle, self.tell)
         self._plans = PlanProtocol(vehicle, self._take_plan, self._tell_of_plan)
+        self._takers: dict[Service, Take] = {
+            Service.STATIONS: self._hear_station,
+            Service.COMMANDS: self._take_command,
+            Service.SETPOINTS: self._offboard.take,
+            Service.STICKS: self._take_sticks,
+            Service.TARGETS: self._follow,
+            Service.ORIGIN: self._set_origin,
+            Service.PLANS: self._take_items,
+            Service.PARAMETERS: self._take_parameter,
+            Service.INFORMATION: self._inform,
+            Service.REFUSALS: self._refuse,
+        }
         self._plan_told = 0
         self._record = PlanRecord(vehicle, say)
         self._now = 0.0  # wall, s: of the message that is served
@@ -298,47 +311,59 @@ class Station:
         self._commands.hear_again()
 
     def serve(self, port: GroundPort, t_us: int, now: float) -> None:
-        """What is waiting on a port. `t_us`: when what is asked for takes effect."""
+        """Hand over what is waiting on a port. `t_us`: when what is asked for takes effect."""
         for message, link in port.receive(now):
             if self._commands.is_deaf(Signal.MAVLINK_SIGNAL, t_us):
                 continue
-            if isinstance(message, Heartbeat) and message.type == GCS:
-                back = self._vehicle.hear_station(t_us, now)
-                if back is not None:
-                    self.tell(back)
-            if isinstance(message, Command):
-                self._information.about(port, link, self.view())
-                self._protocol.take(port, link, message, t_us, now)
-                if self.reset_asked:  # what comes behind it is for the vehicle that is then there
-                    return
-            elif isinstance(message, SetpointMessage | AttitudeSetpointMessage):
-                self._offboard.take(port, link, message, t_us, now)
-            elif isinstance(message, SetMode):
-                asked = main_and_sub(message.custom_mode)
-                request = Request(_as_command(message), t_us, now)
-                verdict = self._commands.select(
-                    status.of_numbers(*asked), request, status.shown(*asked)
-                )
-                self._protocol.explain(verdict, now)
-            elif isinstance(message, ManualControl | ChannelsOverride):
-                if self._commands.is_deaf(Signal.RC_SIGNAL, t_us):
-                    continue
-                self._sticks.take(link, message, t_us, now)
-            elif isinstance(message, FollowTarget):
-                self._follow(message, t_us)
-            elif isinstance(message, GlobalOrigin):
-                self._set_origin(port, link, message, t_us, now)
-            elif isinstance(message, MissionMessage):
-                self._now = now
-                self._plans.take(port, link, message, t_us, now)
-            elif isinstance(message, NotTaken):
-                told = Told(NOT_TAKEN[message.name], (message.name,))
-                if message.name not in link.told and self._offboard.complain(told, now):
-                    link.told.add(message.name)  # once: it may be a stream
-            else:
-                self._other(port, link, message, t_us, now)
+            service = SERVICE_OF.get(type(message))
+            if service is not None:
+                self._takers[service](port, link, message, t_us, now)
+            if self.reset_asked and isinstance(message, Command):
+                return  # what comes behind it is for the vehicle that is then there
 
-    def _follow(self, message: FollowTarget, t_us: int) -> None:
+    def _hear_station(
+        self, port: GroundPort, link: Link, message: Heartbeat, t_us: int, now: float
+    ) -> None:
+        if message.type == GCS:
+            back = self._vehicle.hear_station(t_us, now)
+            if back is not None:
+                self.tell(back)
+
+    def _take_command(
+        self, port: GroundPort, link: Link, message: Command | SetMode, t_us: int, now: float
+    ) -> None:
+        if isinstance(message, Command):
+            self._information.about(port, link, self.view())
+            self._protocol.take(port, link, message, t_us, now)
+            return
+        asked = main_and_sub(message.custom_mode)
+        request = Request(_as_command(message), t_us, now)
+        verdict = self._commands.select(status.of_numbers(*asked), request, status.shown(*asked))
+        self._protocol.explain(verdict, now)
+
+    def _take_sticks(
+        self, port: GroundPort, link: Link, message: ManualControl | ChannelsOverride, t_us: int,
+        now: float,
+    ) -> None:  # fmt: skip
+        if not self._commands.is_deaf(Signal.RC_SIGNAL, t_us):
+            self._sticks.take(link, message, t_us, now)
+
+    def _take_items(
+        self, port: GroundPort, link: Link, message: MissionMessage, t_us: int, now: float
+    ) -> None:
+        self._now = now
+        self._plans.take(port, link, message, t_us, now)
+
+    def _refuse(
+        self, port: GroundPort, link: Link, message: NotTaken, t_us: int, now: float
+    ) -> None:
+        told = Told(NOT_TAKEN[message.name], (message.name,))
+        if message.name not in link.told and self._offboard.complain(told, now):
+            link.told.add(message.name)  # once: it may be a stream
+
+    def _follow(
+        self, port: GroundPort, link: Link, message: FollowTarget, t_us: int, now: float
+    ) -> None:
         """Take a target's report. One that is no place on Earth is left out."""
         place = message.lat_deg, message.lon_deg
         if out_of_range(Origin(*place, 0.0)) or place == (0.0, 0.0):
@@ -446,21 +471,25 @@ class Station:
             if items:
                 self._record.take(kind, items, origin, t_us)
 
-    def _other(
+    def _take_parameter(
         self, port: GroundPort, link: Link, message: GroundMessage, t_us: int, now: float
     ) -> None:
         done = self._parameters.take(message, link, now)
-        if done is not None:
-            to_sender, to_all, why = done
-            port.send(link, *to_sender)
-            if to_all:
-                port.send(link, *to_all)
-                for other_port in self.ports:
-                    for other in other_port.links():
-                        if other is not link:
-                            other_port.send(other, *to_all)
-            self._protocol.explain(Verdict(Result.DENIED, why), now)
+        if done is None:
             return
+        to_sender, to_all, why = done
+        port.send(link, *to_sender)
+        if to_all:
+            port.send(link, *to_all)
+            for other_port in self.ports:
+                for other in other_port.links():
+                    if other is not link:
+                        other_port.send(other, *to_all)
+        self._protocol.explain(Verdict(Result.DENIED, why), now)
+
+    def _inform(
+        self, port: GroundPort, link: Link, message: GroundMessage, t_us: int, now: float
+    ) -> None:
         self._information.about(port, link, self.view())
         replies = self._information.take(message, t_us)
         if replies:
