@@ -47,6 +47,7 @@ def demands(rotors, seed, n=100):
         yield float(T), Vec3(float(tau * math.cos(angle)), float(tau * math.sin(angle)), 0.0)
 
 
+@pytest.mark.computes
 def test_no_thrusts_give_a_torque_from_less(vehicle, rotors):
     """Against a linear program over all thrusts that pull upwards and give no torque about yaw."""
     of = effect(vehicle)
@@ -69,6 +70,7 @@ def test_least_thrust_of_an_octocopter_is_three_fifths_of_the_pseudo_inverses():
         assert evenly / pairs == pytest.approx(1.0 + math.sqrt(0.5), rel=1e-9)
 
 
+@pytest.mark.computes
 def test_what_fits_beside_the_least_of_a_rotor_is_given_whole(vehicle, rotors):
     """Low thrust: whatever any allocation could give. Torque and thrust are met, and nothing is given up."""
     of, w = effect(vehicle), np.array(rotors.w)[: vehicle.n]
@@ -120,6 +122,7 @@ def test_roll_and_pitch_never_get_less_than_by_the_pseudo_inverse_nor_is_more_th
         assert abs(thrust - T) < abs(share * rotors.W - T) + 1e-9
 
 
+@pytest.mark.computes
 def test_no_rotor_jumps_where_the_demand_does_not(rotors):
     """Along lines of thrust and torque, through what fits and what does not, by bisection."""
     random, per = np.random.default_rng(5), max(np.hypot(rotors.B_x, rotors.B_y))

@@ -74,6 +74,7 @@ def printed_roll_axis(law, hover, implicit):
     return estimates.J_hat.x
 
 
+@pytest.mark.computes
 def test_the_printed_inertia_is_found_from_zero_and_an_explicit_step_loses_it(law, hover):
     assert printed_roll_axis(law, hover, implicit=True) == pytest.approx(J_1, rel=0.01)
     assert printed_roll_axis(law, hover, implicit=False) == law().bounds.J_max

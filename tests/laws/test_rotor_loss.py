@@ -185,6 +185,7 @@ def check(rotors, limits, lost, T_hover, heaviest):
 
 
 @pytest.mark.parametrize("name", SHIPPED)
+@pytest.mark.computes
 def test_no_linear_program_does_better_without_a_rotor_or_two(name):
     rotors, limits, T_hover, heaviest = vehicle(name)
     fates = {
@@ -221,6 +222,7 @@ def odd(random):
 
 
 @pytest.mark.parametrize("seed", range(12))
+@pytest.mark.computes
 def test_no_linear_program_does_better_with_an_odd_airframe(seed):
     rotors, limits, T_hover, heaviest = odd(np.random.default_rng([32, seed]))
     for rotor in range(1, rotors.n + 1):

@@ -150,6 +150,7 @@ def drawn(draw: np.random.Generator) -> dict[str, Any]:
     }
 
 
+@pytest.mark.computes
 def test_gains_of_airframes_drawn_at_random_are_stable():
     draw = np.random.default_rng(15)
     for _ in range(40):

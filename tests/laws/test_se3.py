@@ -87,6 +87,7 @@ def at_origin(t):
     return Setpoint(ZERO, ZERO, ZERO, 0.0, 0.0, 0.0, ZERO, ZERO, 0.0)
 
 
+@pytest.mark.computes
 def test_the_recovery_from_upside_down_is_that_of_the_paper(se3, paper):
     """Psi(0) = 1.995, Psi < 1 at 0.88 s (Section VI, Case I; here 0.915 s), and then exponentially to 0.
 
@@ -132,6 +133,7 @@ def test_the_commanded_rates_are_the_derivatives_of_the_commanded_attitude(se3, 
 
 
 @pytest.mark.parametrize(("v_max", "speed"), [(6.0, 5.0), (1e3, 16.0)])
+@pytest.mark.computes
 def test_commanded_rates_are_the_derivatives_far_from_the_setpoint_too(se3, paper, v_max, speed):
     """Where the error of position is cut: to what the speed v_max (m/s) balances, or what can be stopped."""
     params = paper._replace(v_max=v_max, a_max=4.0, k_i=1.7)

@@ -268,6 +268,7 @@ def test_a_law_says_its_pace(name, params):
 
 
 @pytest.mark.parametrize("rate_hz", [250.0, 500.0])
+@pytest.mark.computes
 def test_a_yardstick_holds_a_position_in_a_steady_wind(name, flight, fixed, rate_hz):
     wind = ["wind.steady_m_s=[5,-3,0]", "plant.mass_kg=7.5"]
     rows = flight([(0.0, fixed((1.0, 1.0, 2.0)))], 25.0, rate_hz, settings=wind, law=name)
