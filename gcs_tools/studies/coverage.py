@@ -3,6 +3,7 @@
     python -m gcs_tools.studies.coverage                 the tables of docs/paper.md
     python -m gcs_tools.studies.coverage --sequences     the same of sequences of six points
     python -m gcs_tools.studies.coverage --random 1000   the largest admitted step, flown, anywhere in the beliefs
+    python -m gcs_tools.studies.coverage --arrivals      how long steps of 2, 10 and 30 m take that are governed
 
 A vehicle hovers in a wind that blows so as to push its demand at the nearest limit, and is told to be
 elsewhere. *Safe* is the largest step that neither saturates nor fails to arrive (`attack.verdict`), when
@@ -28,6 +29,7 @@ from rich.console import Console
 from rich.table import Table
 
 from fcu.guard.admission import BEGINNING, Buffer, ahead
+from fcu.guard.arrival import ARRIVED_M
 from fcu.guard.present import Beginning
 from fcu.interface.messages import Setpoint, VehicleState
 from fcu.kernel.algebra import Vec3
@@ -44,11 +46,13 @@ from gcs_tools.studies.attack.verdict import verdict
 from gcs_tools.studies.attack.wind import PUSHING, SQUARE, TURNING, Gust
 
 HOVER_S = 3.0  # before what is asked
+STEPS_M, MOST_S = (2.0, 10.0, 30.0), 60.0  # of steps that are timed, and how long they may take
 MOST_M = 60.0  # of a search: the largest step
 FINE, ROUGH = 0.01, 0.03  # its relative accuracy
 CONDITIONS = ("prior", "present", "both")
 STILL = Vec3(0.0, 0.0, 0.0)
 TOLD = column_of(Beginning, "present.told")
+R = slice_of(Tick, "measured.r_E")
 STATE, GUARD, SEEN = (slice_of(Tick, of) for of in ("state", "guard_state", "measured"))
 
 
@@ -83,14 +87,21 @@ def worlds(rate: float) -> list[CoverageWorld]:
     ]
 
 
-def scene_of(case: Case, sent: Sequence[tuple[float, Vec3]]) -> Scenario:
-    """A hover, and from `at_s` on what is `sent`: after how long (s), where to (m, E)."""
-    f_m, world = case.law["f_m"], case.world
+def scene_of(
+    case: Case, sent: Sequence[tuple[float, Vec3]], lasts_s: float | None = None
+) -> Scenario:
+    """A hover, and from `at_s` on what is `sent`: after how long (s), where to (m, E).
+
+    lasts_s : after the last of it; None: as long as the reference model takes to settle.
+    """
+    world = case.world
     after = sent[-1][0] if sent else 0.0
+    if lasts_s is None:
+        lasts_s = 14.0 / min(case.law["f_m"], 1.4) + 4.0
     tables = {
         "title": "Steps.",
         "flight": {
-            "duration_s": case.at_s + after + 14.0 / min(f_m, 1.4) + 4.0,
+            "duration_s": case.at_s + after + lasts_s,
             "ground_z_m": -1e4,
             "arena_m": 1e4,
             "setpoints": [
@@ -206,6 +217,44 @@ def ratio(of: Sequence[CoverageFound], condition: str) -> float:
     return float(np.mean([getattr(f, condition) / f.safe for f in of if f.safe > 0.0]))
 
 
+def ratio_of_sums(of: Sequence[CoverageFound], condition: str) -> float:
+    """Metres that are admitted over metres that are safe, of all cases together."""
+    return float(sum(getattr(f, condition) for f in of) / sum(f.safe for f in of))
+
+
+# --- what certainty costs in time
+
+
+def arrives_s(case: Case, far: float) -> float:
+    """From the step until the vehicle stays within ARRIVED_M of its end, s; inf: it does not."""
+    scene = scene_of(case, to(case, far), MOST_S)
+    rows = fly(scene, case.world.gust, np.zeros((scene.ticks, 12))).fcu
+    away = np.linalg.norm(rows[:, R] - np.array([far * x for x in case.way]), axis=1)
+    begun = round(case.at_s * scene.rate_hz)
+    outside = np.flatnonzero(away[begun:] > ARRIVED_M)
+    after = int(outside[-1]) + 1 if len(outside) else 0
+    return after / scene.rate_hz if begun + after < len(rows) else math.inf
+
+
+class Arrivals(NamedTuple):
+    """How long a governed step takes in twelve worlds, s."""
+
+    way: str
+    far_m: float
+    median_s: float
+    greatest_s: float
+
+
+def arrivals(name: str, far: float) -> Arrivals:
+    """Fly a step in each world, with gusts of 20 m/s^2 and the law as shipped."""
+    law = {"guard": "govern", "guard_wind_rate_m_s2": 20.0}
+    took = [
+        arrives_s(Case(world, law | {"m_hat_0": world.mass}, WAYS[name]), far)
+        for world in worlds(20.0)
+    ]
+    return Arrivals(name, far, float(np.median(took)), max(took))
+
+
 # --- sequences
 
 
@@ -313,17 +362,29 @@ BELIEFS: tuple[tuple[str, float, float | None], ...] = (
 @click.command()
 @click.option("--sequences", is_flag=True, help="sequences of six points in place of steps")
 @click.option("--random", "n", type=click.IntRange(1), help="how many admitted steps to fly, anywhere in the beliefs")  # fmt: skip
+@click.option("--arrivals", "timed", is_flag=True, help="how long governed steps take, in place of what is admitted")  # fmt: skip
 @click.option("--json", "as_json", is_flag=True, help="a JSON object on standard output")
-def main(sequences: bool, n: int | None, as_json: bool) -> None:
+def main(sequences: bool, n: int | None, timed: bool, as_json: bool) -> None:
     """Print what part of what is safe is admitted; exit 1 if something admitted is not safe."""
     log = Console(stderr=True)
+    if timed:
+        steps = list(product(WAYS, STEPS_M))
+        took = list(each(lambda step: arrivals(*step), steps, "steps", log))
+        if as_json:
+            click.echo(json.dumps([row._asdict() for row in took]))
+        else:
+            shown = Table("way", "step, m", "median, s", "greatest, s", box=None)
+            for row in took:
+                shown.add_row(row.way, f"{row.far_m:g}", f"{row.median_s:.2f}", f"{row.greatest_s:.2f}")  # fmt: skip
+            Console().print(shown)
+        sys.exit(0 if all(math.isfinite(row.greatest_s) for row in took) else 1)
     if n is not None:
         told = [tried(0), *each(tried, range(1, n), "admitted steps", log)]
         unsound = [k for k, t in enumerate(told) if t.unsound]
         said = {"flown": n, "more": sum(t.more for t in told), "unsound": unsound}
         click.echo(json.dumps(said) if as_json else f"{said}")
         sys.exit(1 if unsound else 0)
-    table = Table("belief", "cases", *CONDITIONS, "unsound", box=None)
+    table = Table("belief", "cases", *CONDITIONS, "ratio of sums", "unsound", box=None)
     out: dict[str, list[dict[str, Any]]] = {}
     for name, rate, masses in BELIEFS:
         asked = cases(rate, {}, masses)
@@ -336,7 +397,7 @@ def main(sequences: bool, n: int | None, as_json: bool) -> None:
         out[name] = [f._asdict() for f in of]
         table.add_row(
             name, str(len(of)), *(f"{ratio(of, c):.2f}" for c in CONDITIONS),
-            str(sum(f.unsound for f in of)),
+            f"{ratio_of_sums(of, 'both'):.2f}", str(sum(f.unsound for f in of)),
         )  # fmt: skip
     if as_json:
         click.echo(json.dumps(out))
