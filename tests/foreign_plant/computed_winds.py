@@ -14,6 +14,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
+from gcs_tools.gusts.limits import LIMITS
 from gcs_tools.gusts.worst_wind import Worst
 
 BEFORE_S, AFTER_S = 4.0, 0.5  # of the moment at which a limit is nearest: what is repeated
@@ -53,6 +54,7 @@ def main() -> int:
     words = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     words.add_argument("--airframe", choices=AIRFRAMES, action="append")
     words.add_argument("--manoeuvre", choices=tuple(MANOEUVRES), action="append")
+    words.add_argument("--limit", choices=LIMITS, action="append", help="default: all of them")
     words.add_argument("--policy", choices=("govern", "refuse"), default="govern")
     words.add_argument("--out", type=Path, default=Path("winds.jsonl"), help="added to")
     given = words.parse_args()
@@ -61,7 +63,7 @@ def main() -> int:
         for airframe in given.airframe or AIRFRAMES:
             for manoeuvre in given.manoeuvre or MANOEUVRES:
                 how = How(policy=given.policy, settings={("airframe",): airframe})
-                for each in spine(how, [manoeuvre]):
+                for each in spine(how, [manoeuvre], limits=given.limit or LIMITS):
                     worst, end = each.worst, each.worst.end
                     vehicle = {"mass_kg": end.mass_kg, "inertia_kg_m2": list(end.inertia_kg_m2)}
                     vehicle |= {"drag": list(end.drag), "lag_s": end.rotor_lag_s}

@@ -8,6 +8,7 @@ import json
 import math
 import os
 import shutil
+import signal
 import subprocess
 import sys
 import tempfile
@@ -15,7 +16,7 @@ import time
 import tomllib
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import IO, Any
 
 os.environ["MAVLINK20"] = "1"
 
@@ -25,8 +26,14 @@ from pymavlink.dialects.v20 import common as mavlink
 HERE = Path(__file__).parent
 Setpoint = Callable[[float], tuple[int, float, float, float]]
 POSITION, VELOCITY = 0xDF8, 0xDC7
-MODES = {"hold": (4, 3), "takeoff": (4, 2), "offboard": (6, 0), "land": (4, 6), "return": (4, 5)}
+MODES = {
+    "hold": (4, 3), "takeoff": (4, 2), "offboard": (6, 0), "land": (4, 6), "return": (4, 5),
+    "follow": (4, 8),
+}  # fmt: skip
+ORIGIN = 47.397742, 8.545594, 489.4  # of `fcu`, as shipped: deg, deg, m
+EARTH_M = 6_371_000.0
 WALL_S = 240.0  # the first start of `fcu` compiles
+AGAIN_S = 2.0  # wall: what has no answer is asked again
 
 
 def compile_plant(folder: Path) -> Path:
@@ -75,6 +82,18 @@ def vehicle_lines(airframe: Path, mass_kg: float | None = None, drag: float | No
     return "\n".join(lines) + "\n"
 
 
+def anew(words: list[str], log: IO[str]) -> Any:
+    """Start `fcu` with these options as a process of its own."""
+    program = Path(sys.executable).with_name("fcu")
+    return subprocess.Popen([str(program), *words], stdout=log, stderr=log)
+
+
+def on_earth(north: float, east: float) -> tuple[float, float]:
+    """Return latitude and longitude of a place near the origin, deg."""
+    lat = ORIGIN[0] + math.degrees(north / EARTH_M)
+    return lat, ORIGIN[1] + math.degrees(east / EARTH_M / math.cos(math.radians(ORIGIN[0])))
+
+
 class Flight:
     """Run `fcu` and the simulator, and talk to both while simulation time stands."""
 
@@ -86,10 +105,16 @@ class Flight:
         folder: Path,
         instance: int,
         options: dict[str, Any] | None = None,
+        start: Callable[[list[str], IO[str]], Any] = anew,
     ) -> None:
+        """`start`: how `fcu` begins, with its options and its log; what it returns is as a Popen."""
         self.texts: list[str] = []
         self.values: dict[str, list[float]] = {}
         self.echoes = 0
+        self.echo: tuple[int, tuple[float, ...]] = (
+            0,
+            (),
+        )  # mask and numbers of the setpoint in force
         self.t = 0.0
         self.truth: dict[str, Any] = {}
         self.armed, self.mode, self.status = False, 0, 0
@@ -102,9 +127,8 @@ class Flight:
         words = [word for key, value in (options or {}).items() for word in (f"--{key}", value)]
         vehicle_file = folder / "vehicle.txt"
         plant = [program, "--instance", instance, "--vehicle", vehicle_file, *words]
-        fcu = [Path(sys.executable).with_name("fcu"), "--instance", instance]
-        fcu += ["--airframe", airframe, "--link-clock", "sim"]
-        self._fcu = subprocess.Popen([*map(str, fcu)], stdout=self._log, stderr=self._log)
+        fcu = ["--instance", str(instance), "--airframe", airframe, "--link-clock", "sim"]
+        self._fcu = start(fcu, self._log)
         self._plant = subprocess.Popen(
             [*map(str, plant)], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
         )
@@ -129,7 +153,7 @@ class Flight:
         self._plant.stdout.close()
         with contextlib.suppress(BrokenPipeError):  # a line to a simulator that has ended
             self._plant.stdin.close()
-        self._fcu.terminate()
+        self._fcu.send_signal(signal.SIGTERM)
         self._fcu.wait(30.0)
         self.link.close()
         self._log.close()
@@ -163,14 +187,28 @@ class Flight:
             self.mode, self.status = message.custom_mode, message.system_status
         elif kind == "POSITION_TARGET_LOCAL_NED":
             self.echoes += 1
+            moves = message.type_mask & 0x38 == 0x38  # no velocity: it is a position
+            told = ("x", "y", "z") if moves else ("vx", "vy", "vz")
+            self.echo = message.type_mask, tuple(getattr(message, name) for name in told)
         elif kind == "TIMESYNC" and message.tc1:
             self._answered = message.ts1
 
     def barrier(self) -> None:
-        """Wait until the vehicle has read whatever was sent to it before."""
+        """Wait until the vehicle has read whatever was sent to it before.
+
+        A datagram may be lost among much telemetry: then it is asked again.
+        """
         self._asked += 1
-        self.link.mav.timesync_send(0, self._asked)
-        self.wait(lambda: self._answered == self._asked)
+        asked_s = -math.inf
+
+        def answered() -> bool:
+            nonlocal asked_s
+            if self._answered != self._asked and time.monotonic() > asked_s + AGAIN_S:
+                asked_s = time.monotonic()
+                self.link.mav.timesync_send(0, self._asked)
+            return self._answered == self._asked
+
+        self.wait(answered)
 
     def line(self, text: str) -> None:
         assert self._plant.stdin
@@ -250,6 +288,34 @@ class Flight:
         self.link.mav.set_position_target_local_ned_send(
             ms, self._system, 1, 1, mask, *moves, *[0.0] * 5
         )
+        self.barrier()
+
+    def takes(self, mask: int, north: float, east: float, down: float) -> bool:
+        """Send one, and return whether the vehicle flies it: what the guard refuses has no echo."""
+        self.setpoint(mask, north, east, down)
+        moves, told = self.echo
+        return moves == mask and math.dist(told, (north, east, down)) < 1e-3 if told else False
+
+    def reposition(self, north: float, east: float, down: float) -> int:
+        """Send DO_REPOSITION as COMMAND_INT, and return its result."""
+        lat, lon = on_earth(north, east)
+        number = mavlink.MAV_CMD_DO_REPOSITION
+        self._acks.pop(number, None)
+        self.link.mav.command_int_send(
+            self._system, 1, 0, number, 0, 0, -1, 1, 0, float("nan"),
+            round(lat * 1e7), round(lon * 1e7), ORIGIN[2] - down,
+        )  # fmt: skip
+        self.wait(lambda: number in self._acks)
+        return self._acks[number]
+
+    def target(self, north: float, east: float, speed: tuple[float, float]) -> None:
+        """Tell where a target is that is to be followed, and its velocity, m/s north and east."""
+        lat, lon = on_earth(north, east)
+        none = [0.0] * 3
+        self.link.mav.follow_target_send(
+            round(self.t * 1000), 3, round(lat * 1e7), round(lon * 1e7), ORIGIN[2],
+            [*speed, 0.0], none, [1.0, 0.0, 0.0, 0.0], none, none, 0,
+        )  # fmt: skip
         self.barrier()
 
     def take_off(self, height_m: float, seconds: float = 8.0) -> bool:

@@ -24,6 +24,9 @@
 #define PI 3.14159265358979323846
 #define G 9.81
 #define ROTORS 8
+#define FLAT 3.0 /* m about the start */
+#define CUT 0.35 /* of the weight: rotors that push with less carry nothing */
+#define CLEAR_S 0.5 /* without a contact: what hops on the ground is not in the air */
 
 enum { WRONG_USE = 2, LINK_FAILED = 3 };
 
@@ -97,7 +100,7 @@ static struct {
 
 static struct {
     int instance;
-    double rate, timeout, wind_max, wind_rate, period, axis, arena, drop_at, drop_ratio;
+    double rate, timeout, wind_max, wind_rate, period, axis, arena, drop_at, drop_ratio, slope;
     int up;
     const char *vehicle, *wind, *switches, *series;
     uint64_t seed;
@@ -250,6 +253,18 @@ static void blow(double dt) {
 
 /* ---- forces and motion ---- */
 
+/* Height of the ground: flat about the start, then up (or down) a slope on all sides. */
+static double ground(vec at) {
+    return tan(given.slope * PI / 180.0) * fmax(0.0, hypot(at.x, at.y) - FLAT);
+}
+
+/* The unit vector that points out of it. */
+static vec away(vec at) {
+    double far = hypot(at.x, at.y), k = far > FLAT ? tan(given.slope * PI / 180.0) / far : 0.0;
+    vec n = v3(-k * at.x, -k * at.y, -1.0);
+    return scale(1.0 / norm(n), n);
+}
+
 static void move(double dt) {
     double thrust = 0.0, spin_up = 0.0, momentum = 0.0;
     vec torque = {0};
@@ -270,16 +285,19 @@ static void move(double dt) {
     vec force = to_earth(now.q, v3(-body.drag.x * v * air.x, -body.drag.y * v * air.y, -thrust - body.drag.z * v * air.z));
     force.z += body.mass * G;
     bool touching = false;
+    vec normal = away(now.at);
+    double up = -normal.z;
     for (int i = 0; i < 4; i++) {
         vec arm = v3(i & 1 ? body.foot : -body.foot, i & 2 ? body.foot : -body.foot, body.gear);
         vec at = add(now.at, to_earth(now.q, arm));
         vec moves = add(now.velocity, to_earth(now.q, cross(now.rate, arm)));
-        double depth = at.z; /* the ground is z = 0: a vehicle that stands is at -gear + 1 cm */
+        double depth = up * (at.z + ground(at)); /* a vehicle that stands at the start is at -gear + 1 cm */
         if (depth <= 0.0) continue;
         touching = true;
-        double press = fmax(0.0, body.stiffness * depth + body.damping * moves.z);
-        double slide = hypot(moves.x, moves.y), grip = body.friction * press * slide / (slide + 0.05) / fmax(slide, 1e-9);
-        vec push = v3(-grip * moves.x, -grip * moves.y, -press);
+        double into = -dot(moves, normal), press = fmax(0.0, body.stiffness * depth + body.damping * into);
+        vec along = add(moves, scale(into, normal));
+        double slide = norm(along), grip = body.friction * press * slide / (slide + 0.05) / fmax(slide, 1e-9);
+        vec push = sub(scale(press, normal), scale(grip, along));
         force = add(force, push);
         torque = add(torque, cross(arm, to_body(now.q, push)));
     }
@@ -297,16 +315,18 @@ static void move(double dt) {
 /* ---- the verdict, by the truth ---- */
 
 static struct {
-    uint64_t air, rotor, thrust, tilt, resent, strange;
+    uint64_t air, rotor, but_yaw, thrust, tilt, resent, strange;
+    uint64_t since_ground; /* ticks without a contact */
     uint64_t rotor_run, rotor_longest; /* ticks in a row with a rotor at a limit */
     double tilt_most, thrust_most, thrust_least, off_most, wind_most, wind_rate_most, speed_most;
     double touchdown, arrived, goal_since;
+    double touched_at, disarmed, cut_high; /* s, s after it, m: with next to no thrust in the air */
     int contacts;
     char lost[32];
     bool flew, has_goal, arrived_yet;
     vec goal;
     double within;
-} judged = {.thrust_least = 1e9, .touchdown = -1.0};
+} judged = {.thrust_least = 1e9, .touchdown = -1.0, .touched_at = -1.0, .disarmed = -1.0};
 
 static void judge(vec wind_before, double dt) {
     static bool was_touching = true;
@@ -315,20 +335,36 @@ static void judge(vec wind_before, double dt) {
     /* roll and pitch each, as the limit is said to be of each */
     double pitch = fabs(asin(fmin(1.0, fmax(-1.0, 2.0 * (now.q.w * now.q.y - now.q.z * now.q.x))))) * 180.0 / PI;
     double roll = fabs(atan2(2.0 * (now.q.w * now.q.x + now.q.y * now.q.z), 1.0 - 2.0 * (now.q.x * now.q.x + now.q.y * now.q.y))) * 180.0 / PI;
-    double thrust = 0.0;
-    bool pinned = false;
+    double thrust = 0.0, told = 0.0, yaw = 0.0, each[ROTORS], full[ROTORS];
+    bool pinned = false, but_yaw = false;
     for (int i = 0; i < body.rotors; i++) {
         thrust += body.coefficient[i] * now.speed[i] * now.speed[i];
-        pinned |= now.command[i] >= 1.0 - 1e-6 || now.command[i] <= 1e-6;
+        full[i] = body.coefficient[i] * body.full[i] * body.full[i];
+        each[i] = full[i] * now.command[i] * now.command[i];
+        yaw += body.spin[i] * each[i] / body.rotors;
+        told += each[i];
     }
-    if (!now.touching && -now.at.z > body.gear + 0.1) judged.flew = true;
+    for (int i = 0; i < body.rotors; i++) { /* at a limit, and there too with its share of yaw's torque left out */
+        bool most = now.command[i] >= 1.0 - 1e-6, least = now.command[i] <= 1e-6;
+        double rest = each[i] - body.spin[i] * yaw;
+        pinned |= most || least;
+        but_yaw |= (most && rest >= 0.999 * full[i]) || (least && rest <= 0.001 * full[i]);
+    }
+    double high = -now.at.z - ground(now.at) - body.gear;
+    if (!now.touching && high > 0.1) judged.flew = true;
+    if (now.touching && judged.flew && judged.touched_at < 0.0) judged.touched_at = seconds();
+    if (judged.touched_at >= 0.0 && judged.disarmed < 0.0 && told == 0.0) judged.disarmed = seconds() - judged.touched_at;
     if (now.touching && !was_touching) judged.contacts++, judged.touchdown = now.touch_speed;
     was_touching = now.touching;
     judged.wind_most = fmax(judged.wind_most, norm(now.wind));
     judged.wind_rate_most = fmax(judged.wind_rate_most, norm(sub(now.wind, wind_before)) / dt);
-    if (judged.flew && !now.touching) {
+    judged.since_ground = now.touching ? 0 : judged.since_ground + 1;
+    if (judged.flew && (double)judged.since_ground >= CLEAR_S * given.rate) {
         judged.air++;
+        judged.touched_at = judged.disarmed = -1.0;
+        if (told < CUT * body.mass * G) judged.cut_high = fmax(judged.cut_high, high);
         judged.rotor += pinned;
+        judged.but_yaw += but_yaw;
         judged.rotor_run = pinned ? judged.rotor_run + 1 : 0;
         if (judged.rotor_run > judged.rotor_longest) judged.rotor_longest = judged.rotor_run;
         judged.thrust += thrust >= body.thrust_max || thrust <= body.thrust_min;
@@ -353,11 +389,12 @@ static void judge(vec wind_before, double dt) {
 
 static void say_state(void) {
     printf("{\"t\": %.6f, \"at\": [%.6f, %.6f, %.6f], \"velocity\": [%.6f, %.6f, %.6f], \"q\": [%.9f, %.9f, %.9f, %.9f], "
-           "\"wind\": [%.4f, %.4f, %.4f], \"touching\": %s, \"spinning\": %s, \"lost\": \"%s\", \"at_limit\": [%llu, %llu, %llu], \"longest_s\": %.3f, \"arrived_s\": ",
+           "\"wind\": [%.4f, %.4f, %.4f], \"touching\": %s, \"high\": %.4f, \"spinning\": %s, \"lost\": \"%s\", \"at_limit\": [%llu, %llu, %llu], \"but_yaw\": %llu, \"longest_s\": %.3f, \"arrived_s\": ",
            seconds(), now.at.x, now.at.y, now.at.z, now.velocity.x, now.velocity.y, now.velocity.z, now.q.w, now.q.x, now.q.y,
            now.q.z, now.wind.x, now.wind.y, now.wind.z, now.touching ? "true" : "false",
+           -now.at.z - ground(now.at) - body.gear,
            now.command[0] > 0.0 ? "true" : "false", judged.lost, (unsigned long long)judged.rotor,
-           (unsigned long long)judged.thrust, (unsigned long long)judged.tilt, (double)judged.rotor_longest / given.rate);
+           (unsigned long long)judged.thrust, (unsigned long long)judged.tilt, (unsigned long long)judged.but_yaw, (double)judged.rotor_longest / given.rate);
     judged.rotor_longest = 0; /* of the time since the last line */
     if (judged.arrived_yet) printf("%.3f, \"off_most_m\": %.4f}\n", judged.arrived, judged.off_most);
     else printf("null, \"off_most_m\": null}\n");
@@ -374,7 +411,9 @@ static void say_verdict(void) {
            (double)judged.thrust / n, (double)judged.tilt / n, judged.tilt_most, judged.thrust_most,
            judged.air ? judged.thrust_least : 0.0, judged.speed_most, judged.wind_most, judged.wind_rate_most, judged.contacts);
     if (judged.touchdown >= 0.0) printf("%.4f", judged.touchdown); else printf("null");
-    printf(", \"lost\": \"%s\", \"states_sent_again\": %llu, \"strange_datagrams\": %llu}\n", judged.lost,
+    if (judged.disarmed >= 0.0) printf(", \"disarmed_s\": %.3f", judged.disarmed);
+    else printf(", \"disarmed_s\": null");
+    printf(", \"cut_m\": %.4f, \"lost\": \"%s\", \"states_sent_again\": %llu, \"strange_datagrams\": %llu}\n", judged.cut_high, judged.lost,
            (unsigned long long)judged.resent, (unsigned long long)judged.strange);
     fflush(stdout);
 }
@@ -574,7 +613,7 @@ int main(int count, char **words) {
         struct { const char *key; double *to; } numbers[] = {
             {"--rate", &given.rate}, {"--timeout", &given.timeout}, {"--wind-max", &given.wind_max},
             {"--wind-rate", &given.wind_rate}, {"--wind-period", &given.period}, {"--wind-axis", &given.axis},
-            {"--arena", &given.arena}, {"--mass-change-at", &given.drop_at}, {"--mass-ratio", &given.drop_ratio},
+            {"--arena", &given.arena}, {"--ground-slope", &given.slope}, {"--mass-change-at", &given.drop_at}, {"--mass-ratio", &given.drop_ratio},
         };
         bool found = true;
         if (!strcmp(key, "--vehicle")) given.vehicle = value;

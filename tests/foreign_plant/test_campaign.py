@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections import Counter
+from itertools import product
 from pathlib import Path
 
 import numpy as np
@@ -10,18 +12,18 @@ import pytest
 from gcs_tools.gusts.ends import End
 from gcs_tools.gusts.worst_wind import Worst
 from tests.foreign_plant import campaign, computed_winds
-from tests.foreign_plant.fly import compile_plant
+from tests.foreign_plant.fly import anew, compile_plant
 
 BELIEFS = dict.fromkeys(campaign.AIRFRAMES, (8.0, 12.0))
 
 
-def test_a_number_of_a_seed_is_one_flight() -> None:
-    made = [campaign.drawn(3, number, BELIEFS) for number in range(200)]
-    assert made == [campaign.drawn(3, number, BELIEFS) for number in range(200)]
-    assert made[:5] != [campaign.drawn(4, number, BELIEFS) for number in range(5)]
-    assert {each["mode"] for each in made} == set(campaign.MODES)
-    assert {each["airframe"] for each in made} == set(campaign.AIRFRAMES)
+def test_a_hundred_seeds_have_every_airframe_in_every_mode_twice() -> None:
+    made = [campaign.drawn(seed, BELIEFS) for seed in range(37, 137)]
+    assert made == [campaign.drawn(seed, BELIEFS) for seed in range(37, 137)]
+    flown = Counter((each["airframe"], each["mode"]) for each in made)
+    assert flown == dict.fromkeys(product(campaign.AIRFRAMES, campaign.MODES), 2)
     assert max(each["wind_m_s"] for each in made) == 8.0
+    assert {each["wind"] for each in made} == set(campaign.ANSWERING)
 
 
 def test_every_second_flight_takes_a_computed_wind_and_the_vehicle_that_it_is_worst_for() -> None:
@@ -30,18 +32,33 @@ def test_every_second_flight_takes_a_computed_wind_and_the_vehicle_that_it_is_wo
         computed_winds.Computed("hexa", "govern", manoeuvre, "torque", 1.0, vehicle, [[0.0] * 4, [1.0] * 4])
         for manoeuvre in ("hover", "turn")
     ]  # fmt: skip
-    made = [campaign.drawn(3, number, BELIEFS, winds) for number in range(400)]
-    plain = [campaign.drawn(3, number, BELIEFS) for number in range(400)]
+    made = [campaign.drawn(seed, BELIEFS, winds) for seed in range(400)]
+    plain = [campaign.drawn(seed, BELIEFS) for seed in range(400)]
     taken = [each for each in made if each["wind"] == "series"]
-    assert {(each["airframe"], each["mode"]) for each in taken} == {
-        ("hexa", "hold"),
-        ("hexa", "orbit"),
+    assert Counter((each["airframe"], each["mode"]) for each in taken) == {
+        ("hexa", mode): 4 for mode in campaign.MODES
     }
-    assert {tuple(each["of"]) for each in taken} == {("hover", "torque"), ("turn", "torque")}
-    assert all(each["number"] % 2 and each["drag"] == vehicle["drag"] for each in taken)
-    assert [a for a, b in zip(made, plain, strict=True) if a["wind"] != "series"] == [
-        b for a, b in zip(made, plain, strict=True) if a["wind"] != "series"
-    ]
+    assert {each["of"][0] for each in taken if each["mode"] == "hold"} == {"hover"}
+    assert {each["of"][0] for each in taken if each["mode"] == "orbit"} == {"turn"}
+    assert all(each["drag"] == vehicle["drag"] for each in taken)
+    others = [b for a, b in zip(made, plain, strict=True) if a["wind"] != "series"]
+    assert [each for each in made if each["wind"] != "series"] == others
+
+
+def test_a_flight_that_is_there_is_not_flown_again_and_one_cut_short_is(tmp_path: Path) -> None:
+    path = tmp_path / "foreign.jsonl"
+    assert campaign.flown_before(path) == []
+    path.write_text('{"seed": 1, "policy": "warn"}\n{"seed": 2, "pol')
+    assert campaign.flown_before(path) == [{"seed": 1, "policy": "warn"}]
+    assert path.read_text() == '{"seed": 1, "policy": "warn"}\n'
+
+
+def test_the_time_of_a_step_is_announced_where_somebody_governs() -> None:
+    made, here = {"airframe": "s1000"}, (0.0, 0.0, -8.0)
+    said = campaign.announced_s(made, "govern", here, (3.0, 4.0, -8.0))
+    farther = campaign.announced_s(made, "govern", here, (6.0, 8.0, -8.0))
+    assert said is not None and farther is not None and 1.0 < said < farther
+    assert campaign.announced_s(made, "warn", here, (3.0, 4.0, -8.0)) is None
 
 
 def test_a_computed_wind_is_told_in_the_axes_of_the_link() -> None:
@@ -59,23 +76,33 @@ def test_what_is_believed_is_asked_of_the_command_line() -> None:
 
 
 @pytest.mark.slow
-def test_a_flight_tells_what_came_of_it(tmp_path: Path) -> None:
+def test_a_flight_by_a_copy_is_to_the_bit_one_by_a_process_of_its_own(tmp_path: Path) -> None:
     program = compile_plant(tmp_path)
-    made = campaign.drawn(1, 2, BELIEFS) | {"airframe": "s1000", "mode": "hold", "drag": 0.15}
-    made |= {"wind": "against-thrust", "wind_m_s": 12.0, "wind_rate_m_s2": 20.0, "mass_kg": 8.0}
-    found = campaign.fly(program, "govern", made)
-    assert not found["saturated"]
-    assert (found["arrived"], found["disarmed"], found["lost"]) == (True, True, "")
+    made = campaign.drawn(35, BELIEFS) | {"drag": 0.15, "mass_kg": 8.0}
+    assert (made["airframe"], made["mode"]) == ("s1000", "hold")
+    made |= {"wind": "against-thrust", "wind_m_s": 12.0, "wind_rate_m_s2": 20.0}
+    [found] = campaign.fly_all([("govern", made)], program, 1)
+    assert campaign.kept(found), found
     assert 0.0 < found["touchdown_m_s"] < 2.0
+    again = campaign.fly(program, "govern", made, anew)
+    told = "told", "texts"  # by the wall clock
+    assert {k: v for k, v in again.items() if k not in told} == {
+        k: v for k, v in found.items() if k not in told
+    }
     beyond = campaign.fly(program, "warn", made | {"wind_m_s": 40.0, "wind_rate_m_s2": 400.0})
-    assert beyond["saturated"] or beyond["lost"] or not beyond["arrived"]
+    assert not campaign.kept(beyond)
 
 
 def test_the_table_counts() -> None:
-    one = {"airframe": "quad", "mode": "hold", "saturated": False, "lost": "", "arrived": True}
-    two = one | {"saturated": True, "saturated_landing": False}
-    said = campaign.table([one, two]).splitlines()
-    assert said[0].split()[:4] == ["saturated", "1", "of", "2,"]
-    assert said[1].split()[:2] == ["lost", "0"]
-    assert said[3].split()[:3] == ["in", "landing", "1"]
-    assert said[4].split() == ["quad", "hold", "1", "of", "2"]
+    one = {
+        "policy": "govern", "airframe": "quad", "mode": "hold", "wind": "series", "saturated": False,
+        "saturated_landing": False, "lost": "", "arrived": True, "late": False, "announced_s": 3.0,
+    }  # fmt: skip
+    two = one | {"saturated": True, "wind": "with-thrust", "announced_s": None}
+    rows = {cells[1].strip(): cells[2:] for cells in (line.split("|") for line in campaign.table([one, two]).splitlines())}  # fmt: skip
+    assert rows["**govern**"][0].strip() == "1 of 2 (1.26 to 98.74)"
+    assert [cell.split(" (")[0].strip() for cell in rows["quad"][:5]] == [
+        "1 of 2", "0 of 2", "0 of 2", "0 of 2", "0 of 1",
+    ]  # fmt: skip
+    assert rows["computed winds"][0].startswith(" 0 of 1")
+    assert rows["winds that answer"][0].startswith(" 1 of 1")

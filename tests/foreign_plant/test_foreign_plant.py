@@ -63,6 +63,25 @@ def test_a_foreign_plant_flies_to_a_point_in_turning_wind_and_lands(
     assert (verdict["fcu_exit"], verdict["plant_exit"]) == (0, 0)
 
 
+@pytest.mark.parametrize("slope_deg", [-8.0, 8.0])
+def test_a_vehicle_lands_on_a_slope_that_nobody_has_told_it_of(
+    begin: Callable[..., Flight], slope_deg: float
+) -> None:
+    """Some feet of the gear hang in the air, and the rotors hold the vehicle level there."""
+    flight = begin(**{"ground-slope": slope_deg})
+    flight.go(0.5)
+    flight.take_off(5.0)
+    goal = (9.0, 0.0, -5.0)
+    assert flight.offboard(lambda _: (POSITION, *goal)) == 0
+    flight.stream(8.0, lambda _: (POSITION, *goal))
+    assert flight.command_mode("land") == 0
+    flight.go_until(lambda: not flight.armed, 30.0)
+    verdict = flight.close()
+    assert verdict["lost"] == ""
+    assert verdict["disarmed_s"] < 4.0
+    assert verdict["cut_m"] == 0.0
+
+
 def test_a_foreign_plant_flies_the_same_bits_after_a_reset(begin: Callable[..., Flight]) -> None:
     flight = begin(wind="gust", seed=3, **{"wind-max": 4.0, "wind-period": 1.0})
     truths = []
