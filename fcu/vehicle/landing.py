@@ -35,6 +35,8 @@ STANDS = 0.25  # m/s, of a vehicle at rest
 HELD_FOR_US = 500_000  # simulation time
 STOOD_US = 100_000  # simulation time: what falls is at rest for a quarter of that
 LIGHT = 0.5  # of the thrust in flight
+LEANS = 0.85  # of it: rotors that hold a vehicle level on a slope push with less
+LEANS_US = 1_000_000  # simulation time: what leans is at rest for as long
 LEARNT = 0.01  # of the thrust of one look: two seconds' worth
 AIRBORNE = 0.15  # m above where it stood: in the air whatever the rotors do
 
@@ -65,6 +67,7 @@ class LandedState(NamedTuple):
     ground: float  # m, E: height at which it has stood for a while
     landed: float
     has_flown: float  # since it was last on the ground for certain
+    leans_us: float = math.nan  # since when it rests with rotors that still work; NaN: it does not
 
 
 class TouchdownState(NamedTuple):
@@ -85,6 +88,8 @@ _unpack_touchdown, _pack_touchdown = unpacker(TouchdownState), packer(TouchdownS
 def stands(was, down, c_T, measured, t_us):
     """The LandedState after a look at a VehicleState, some 50 times a second.
 
+    On a slope some feet hang in the air, and rotors that hold the vehicle level push with up to half of
+    its weight. In the air so little thrust would let it fall: what has come down and stays still has landed.
     down : 1 if it is armed and has come down. A wind may then drag it along the ground.
     c_T : believed thrust coefficients, N s^2, a Rotors.  t_us : simulation time, us, a float.
     """
@@ -92,6 +97,8 @@ def stands(was, down, c_T, measured, t_us):
     T = total(c_T * (Omega * Omega))
     still = dot(v, v) < STANDS * STANDS or (down != 0.0 and abs(v.z) < STANDS)
     carried = LIGHT * was.T_flight < T  # by its rotors
+    leans = down != 0.0 and still and LEANS * was.T_flight > T
+    leans_us = select(leans, select(math.isnan(was.leans_us), t_us, was.leans_us), math.nan)
     T_flight, since_us, stood_at = was.T_flight, was.since_us, was.stood_at
     ground, landed, has_flown = was.ground, was.landed, was.has_flown
     if landed != 0.0:
@@ -111,7 +118,9 @@ def stands(was, down, c_T, measured, t_us):
             landed, has_flown, since_us = 0.0, 1.0, math.nan
     elif carried or not still:
         since_us = math.nan
-        if still:  # at rest in the air: what it takes to stay there
+        if leans and t_us - leans_us >= LEANS_US:
+            landed, stood_at = 1.0, height
+        elif still and not t_us - leans_us >= STOOD_US:  # in the air: what it takes to stay there
             T_flight += LEARNT * (T - T_flight)
     else:
         if math.isnan(since_us):
@@ -125,6 +134,7 @@ def stands(was, down, c_T, measured, t_us):
         ground=ground,
         landed=landed,
         has_flown=has_flown,
+        leans_us=leans_us,
     )
 
 

@@ -10,7 +10,7 @@ from fcu.interface.messages import VehicleState
 from fcu.kernel.algebra import Rotors, Vec3
 from fcu.kernel.buffers import to_buffer
 from fcu.kernel.rotations import from_euler
-from fcu.vehicle.landing import HELD_FOR_US, LandedDetector
+from fcu.vehicle.landing import HELD_FOR_US, LEANS_US, LandedDetector, LandedState, stands
 
 C_T, WEIGHT, LOOK_US = 8.2e-5, 78.5, 20_000
 STILL = Vec3(0.0, 0.0, 0.0)
@@ -92,3 +92,20 @@ def test_a_bounce_starts_the_time_again(detector):
     assert not any(looks(detector, 20, 0.3, 8.0))
     assert not detector.see(state(0.35, 60.0, Vec3(0.0, 0.0, 0.5)), 20 * LOOK_US)
     assert not any(looks(detector, 24, 0.3, 8.0, since_us=21 * LOOK_US))
+
+
+@pytest.mark.parametrize(("part", "down", "lands"), [(0.6, 1.0, True), (0.6, 0.0, False), (0.95, 1.0, False)])  # fmt: skip
+def test_what_has_come_down_lands_with_rotors_that_hold_it_level_on_a_slope(part, down, lands):
+    """The thrust stands between that of light rotors and that of flight."""
+    now = LandedState(
+        T_flight=WEIGHT, since_us=math.nan, stood_at=math.nan, ground=0.0, landed=0.0, has_flown=1.0
+    )
+    Omega = Rotors(*[math.sqrt(part * WEIGHT / 8.0 / C_T)] * 8)
+    seen = VehicleState(Vec3(0.0, 0.0, 1.3), STILL, from_euler(0.0, 0.0, 0.0), STILL, Omega)
+    c_T, landed_us = Rotors(*[C_T] * 8), None
+    for t_us in range(0, 2_000_000, LOOK_US):
+        now = stands.py_func(now, down, c_T, seen, float(t_us))
+        if now.landed and landed_us is None:
+            landed_us = t_us
+    assert landed_us == (LEANS_US if lands else None)
+    assert now.T_flight > 0.9 * WEIGHT or not down
