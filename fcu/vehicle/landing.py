@@ -36,7 +36,7 @@ HELD_FOR_US = 500_000  # simulation time
 STOOD_US = 100_000  # simulation time: what falls is at rest for a quarter of that
 LIGHT = 0.5  # of the thrust in flight
 LEANS = 0.85  # of it: rotors that hold a vehicle level on a slope push with less
-LEANS_US = 1_000_000  # simulation time: what leans is at rest for as long
+LEANS_US = 700_000  # simulation time: what leans is at rest for as long
 LEARNT = 0.01  # of the thrust of one look: two seconds' worth
 AIRBORNE = 0.15  # m above where it stood: in the air whatever the rotors do
 

