@@ -81,6 +81,7 @@ FAST = {"gamma": 1795.0, "guard_wind_m_s": 0.2, "c_angle": 13.0, "c_rate": 24.4}
 
 @pytest.mark.parametrize("way", [(0.0, 0.0, -48.9), (20.0, 0.0, 0.0), (0.0, 0.0, 10.0)])
 @pytest.mark.parametrize(("f_m", "zeta_m"), [(3.0, 0.6), (3.0, 1.0), (2.0, 0.6), (2.0, 1.0)])
+@pytest.mark.computes
 def test_a_reference_stops_at_the_setpoint_and_in_time(settings_of, f_m, zeta_m, way):
     """Braking with all that (34) takes back, or more, passed it by 0.35 to 1.49 m."""
     law, params = settings_of(guard="govern", f_m=f_m, zeta_m=zeta_m, **FAST)

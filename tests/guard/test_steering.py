@@ -179,6 +179,7 @@ def known_of(settings):
 QUICK = ("law.f_m=3.89", "law.zeta_m=1.09", "law.gamma=561", "law.c_angle=11.6", "law.c_rate=28.1")
 
 
+@pytest.mark.computes
 def test_a_climb_into_the_wind_with_drag_along_two_axes_is_not_lost():
     """In level air past a vehicle that climbs the gain of a tilt grows too: without that it was lost."""
     climb = [350.0, 0.0, 191.0]

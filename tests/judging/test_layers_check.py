@@ -81,6 +81,7 @@ def blown(scene):
 
 
 @pytest.mark.parametrize("kind", ["dryden", "von_karman"])
+@pytest.mark.computes
 def test_turbulence_counts_with_the_speed_of_all_that_carries_it(kind, tmp_path):
     """The same is stated for 8 m/s of any layer, and no less than is met in 40 s."""
     (tmp_path / "air.csv").write_text(f"t_s,x_m_s,y_m_s,z_m_s\n0,{SPEED},0,0\n60,{SPEED},0,0\n")

@@ -206,6 +206,7 @@ def test_more_acceleration_than_predicted_means_less_mass_and_inertia(
 @settings(max_examples=8, deadline=None)
 @given(seed=st.integers(0, 2**32 - 1), size=st.floats(0.01, 100.0))
 @pytest.mark.parametrize("prediction_form", ["achieved", "demanded"])
+@pytest.mark.computes
 def test_projection_keeps_every_estimate_in_its_set(
     settings_of, hover, fixed, ticks, prediction_form, seed, size
 ):

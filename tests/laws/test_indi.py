@@ -84,6 +84,7 @@ def test_a_disturbance_torque_is_left_as_one_minus_filter_times_motor():
     assert w[-1] < 0.25 * plain[-1]
 
 
+@pytest.mark.computes
 def test_a_command_is_followed_as_fast_as_the_motors_are():
     """(44): alpha = M alpha_c, whatever the filter; around it (28) closes the loop of the rate."""
     for cutoff in (60.0, CUTOFF):

@@ -139,6 +139,7 @@ def test_l1_adapts_as_its_authors_code_does(paper):
     assert (error < 0.02).all(), error
 
 
+@pytest.mark.computes
 def test_estimates_follow_the_injected_uncertainties_within_a_sample_or_so(paper):
     """The error of the estimate is of the order of T_s times the uncertainty's rate: here within two."""
     rows = fly(paper, at(), 6.0, injecting, 0.0, 1)

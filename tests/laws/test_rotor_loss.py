@@ -63,6 +63,7 @@ def test_an_octocopter_flies_on_a_hexacopter_lands_a_quadrotor_falls(name, rotor
 
 
 @pytest.mark.parametrize(("name", "rotor"), [e for e in EACH if e[0] in (*FLIES, "hexa")])
+@pytest.mark.computes
 def test_the_lost_rotor_gets_no_work_and_the_others_do_what_is_asked(name, rotor):
     rotors, limits, T_hover, heaviest = vehicle(name)
     _, after, less = without(rotors, limits, {rotor}, T_hover, heaviest)

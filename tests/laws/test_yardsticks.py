@@ -284,6 +284,7 @@ def test_a_quarter_turn_settles(name, flight, fixed):
 
 
 @pytest.mark.parametrize(("axis", "sign"), [("x", 1.0), ("x", -1.0), ("y", 1.0), ("y", -1.0)])
+@pytest.mark.computes
 def test_an_attitude_is_reached_and_the_rates_of_the_next_level_too(
     name, flight, fixed, axis, sign
 ):

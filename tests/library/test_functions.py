@@ -56,6 +56,7 @@ def test_a_type_checker_knows_what_they_return(tmp_path):
         assert done.returncode == found, done.stdout
 
 
+@pytest.mark.slow
 def test_importing_the_package_imports_none_of_it():
     code = "import sys, gcs_tools; print(*[m for m in sys.modules if m.startswith(('numpy', 'gcs_tools.'))])"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
@@ -82,6 +83,7 @@ def test_a_recording_is_read_by_the_names_of_its_columns(runs):
     assert "fcu" in recording._repr_html_()
 
 
+@pytest.mark.computes
 def test_a_result_shows_itself_with_its_figure(runs):
     result = gcs_tools.fly(
         "noisy_state", settings=SHORT, in_process=True, out=runs[0], overwrite=True, seed=1

@@ -172,6 +172,7 @@ def whole(message):
 
 
 @given(st.sampled_from(sorted(DEFINITIONS)), st.data())
+@pytest.mark.computes
 def test_no_number_raises_and_each_field_comes_back_in_its_range(number, data):
     kind = DEFINITIONS[number]
     numbers = st.floats() | st.integers(-(2**70), 2**70)

@@ -78,6 +78,7 @@ def test_a_rounded_corner_takes_half_of_a_short_way_at_most() -> None:
 
 
 @pytest.mark.parametrize("corner_m", [0.01, 0.02, 0.05])
+@pytest.mark.computes
 def test_a_narrow_corner_is_passed_slowly_and_slows_nothing_else(corner_m: float) -> None:
     path = paths.rounded(SQUARE, corner_m, SPEED, ACCELERATION)
     t = times(path, 100_001)

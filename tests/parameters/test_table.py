@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 import re
+from functools import cache
 from pathlib import Path
 from typing import NamedTuple
 
@@ -50,6 +51,12 @@ def numbers_in(node):
 
 def name(row):
     return row.name
+
+
+@cache
+def defaults():
+    """Settings of the defaults, which take a while to derive."""
+    return settings(*believed(), 500.0)
 
 
 def test_names_and_keys_are_told_apart_and_fit():
@@ -101,14 +108,14 @@ def test_what_is_out_of_range_is_refused_wherever_it_is_said(row, end):
     with pytest.raises(MissionError, match=re.escape(f"[law] {row.key}")):
         override(mission("paper_nominal"), said)
     for part in row.parts:
-        params = Parameters(settings(*believed(), 500.0), 1)
+        params = Parameters(defaults(), 1)
         scaled = math.degrees(beyond) if row.degrees else beyond
         with pytest.raises(Refused) as refused:
             params.set(part.name, scaled, False)
         assert refused.value.kind == "VALUE_OUT_OF_RANGE"
     if row.fields:
         numbers = (beyond,) * len(row.fields)
-        law = row.put(settings(*believed(), 500.0), numbers)
+        law = row.put(defaults(), numbers)
         if row.get(law) == pytest.approx(numbers):  # a response slower than the rotors is none
             with pytest.raises(ParameterError):
                 check(law)

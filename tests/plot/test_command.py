@@ -117,6 +117,7 @@ def test_a_recording_cut_short_is_drawn_and_it_is_said(
     assert "cut short after" in (tmp_path / "flight-tracking.svg").read_text(encoding="utf-8")
 
 
+@pytest.mark.computes
 def test_lost_messages_are_said(
     make: Callable[..., Any], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:

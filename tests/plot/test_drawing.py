@@ -25,6 +25,7 @@ def test_a_figure_is_written_in_each_format(made: Any, tmp_path: Path, kind: str
     assert path.read_bytes().startswith(STARTS[kind])
 
 
+@pytest.mark.computes
 def test_question_answer_and_remarks_stand_in_the_figure(made: Any, tmp_path: Path) -> None:
     path = tmp_path / "wind.svg"
     made.set_fcu(**{"wind.v_air_E.x": 3.0, "wind.v_air_E.y": 4.0})

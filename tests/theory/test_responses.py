@@ -46,6 +46,7 @@ def test_gain_and_peak_are_above_and_close_to_what_is_found_by_sampling(seed):
 
 
 @pytest.mark.parametrize("A", [[[0.0, 1.0], [-1.0, -2.0]], [[-1.0, 5.0], [0.0, -1.0]]])
+@pytest.mark.computes
 def test_systems_without_a_basis_of_eigenvectors_are_bounded_too(A):
     M = np.array(A)
     X, h = answer(M, np.eye(2), np.eye(2))

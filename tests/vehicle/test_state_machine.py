@@ -146,6 +146,7 @@ def test_an_armed_vehicle_that_does_not_take_off_disarms(params):
 
 
 @pytest.mark.parametrize("mode", [each for each in Mode if each not in (Mode.ORBIT, Mode.OFFBOARD)])
+@pytest.mark.computes
 def test_a_disarmed_vehicle_may_be_put_into_any_mode(vehicle, mode):
     """Arming asks for what the mode needs then, and is denied in modes that begin in the air."""
     assert vehicle.select(mode, 0, 0.0).granted
@@ -625,6 +626,7 @@ def test_a_return_waits_above_home_as_long_and_as_low_as_it_is_told(armed, param
     assert rests[4.0] == pytest.approx(6.0 + settles, abs=0.1)
 
 
+@pytest.mark.computes
 def test_a_return_that_is_told_to_wait_for_ever_does_not_land(armed, params):
     assert params.set("RTL_LAND_DELAY", -1.0, False)
     rests, mode = return_home(armed, 60_000_000)

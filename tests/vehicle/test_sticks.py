@@ -178,6 +178,7 @@ def hover(mode):
 
 
 @pytest.mark.parametrize("mode", BY_STICKS)
+@pytest.mark.computes
 def test_directions(mode):
     """Forward, right, up and clockwise, whatever the heading."""
     flown = raised(mode)
@@ -199,6 +200,7 @@ def test_directions(mode):
 
 
 @pytest.mark.parametrize("mode", [Mode.POSITION, Mode.ALTITUDE])
+@pytest.mark.computes
 def test_the_height_is_held_while_it_moves(mode):
     flown = raised(mode)
     before, off = flown.r.z, 0.0
@@ -217,6 +219,7 @@ def test_the_tilt_is_the_one_of_the_parameter_together_too():
     assert lean == pytest.approx(20.0, abs=0.3)
 
 
+@pytest.mark.computes
 def test_a_filtered_tilt_comes_later():
     leans = []
     for tau in (0.0, 1.0):
@@ -241,6 +244,7 @@ def test_a_vehicle_stands_flat_until_the_throttle_is_above_65_percent(mode):
 
 
 @pytest.mark.parametrize("mode", BY_THRUST)
+@pytest.mark.computes
 def test_a_vehicle_stands_flat_until_its_thrust_lifts_it(mode):
     flown = Stick(mode)
     assert flown.arm().granted
@@ -253,6 +257,7 @@ def test_a_vehicle_stands_flat_until_its_thrust_lifts_it(mode):
 
 
 @pytest.mark.parametrize("mode", [Mode.POSITION, Mode.ALTITUDE])
+@pytest.mark.computes
 def test_a_full_throttle_down_lands_it_gently(mode):
     flown = raised(mode)
     flown.params.set("MPC_Z_VEL_MAX_DN", 4.0, armed=True)
@@ -266,6 +271,7 @@ def test_a_full_throttle_down_lands_it_gently(mode):
     assert flown.r.z > flown.start[2] + 0.5
 
 
+@pytest.mark.computes
 def test_after_a_landing_by_sticks_it_is_disarmed():
     flown = Stick(Mode.ALTITUDE)
     flown.lift()
@@ -288,6 +294,7 @@ def test_a_throttle_that_is_not_low_prevents_arming(mode):
 
 
 @pytest.mark.parametrize("mode", [each for each in BY_STICKS if each is not Mode.POSITION])
+@pytest.mark.computes
 def test_without_sticks_such_a_mode_is_chosen_and_not_armed(mode):
     flown = Stick(mode)
     assert flown.vehicle.mode is mode
@@ -299,6 +306,7 @@ def test_without_sticks_such_a_mode_is_chosen_and_not_armed(mode):
     assert up.vehicle.mode is Mode.HOLD
 
 
+@pytest.mark.computes
 def test_a_gesture_arms_and_disarms_on_the_ground_alone():
     flown = Stick(Mode.ALTITUDE)
     assert flown.stick(1.3, throttle=-1.0, yaw=1.0).told.code is Code.ARMED
@@ -326,6 +334,7 @@ def test_a_gesture_asks_for_a_mode_of_sticks_and_may_be_switched_off():
     ("action", "mode"), [(1.0, Mode.HOLD), (2.0, Mode.RETURN), (3.0, Mode.LAND)]
 )
 @pytest.mark.parametrize("flown_in", [Mode.POSITION, Mode.ALTITUDE, Mode.ACRO])
+@pytest.mark.computes
 def test_lost_sticks(flown_in, action, mode):
     flown = raised(flown_in)
     flown.params.set("NAV_RCL_ACT", action, armed=True)
@@ -339,6 +348,7 @@ def test_lost_sticks(flown_in, action, mode):
 
 
 @pytest.mark.parametrize(("action", "terminated"), [(5.0, True), (6.0, False)])
+@pytest.mark.computes
 def test_lost_sticks_that_stop_the_rotors(action, terminated):
     flown = raised(Mode.STABILIZED)
     flown.params.set("NAV_RCL_ACT", action, armed=True)
