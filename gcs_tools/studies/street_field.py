@@ -11,6 +11,7 @@ speeds up over roofs. It has neither wakes nor the vortex of a street: no moment
     python -m gcs_tools.studies.street_field missions/street --directions 4      # from_000.field, from_090.field, ...
 
 With directions, each field has 1 m/s at 10 m above open ground, so that the `scale` of a mission is that speed.
+Fields of opposite directions are the same but for their sign: this flow has no wakes, and turns round with the wind.
 """
 
 from __future__ import annotations
@@ -171,7 +172,10 @@ def street(wind: tuple[float, float] = WIND_M_S, step: float = 0.0) -> Grid:
 @click.argument("out", type=click.Path(path_type=Path))
 @click.option("--directions", "n", type=click.IntRange(1, 360), help="a field for each of so many, of 1 m/s, in the folder OUT")  # fmt: skip
 def main(out: Path, n: int | None) -> None:
-    """Make the field of the missions, or fields for several directions of the wind."""
+    """Make the field of the missions, or fields for several directions of the wind.
+
+    Fields of opposite directions are the same but for their sign: this flow has no wakes.
+    """
     if n is None:
         pack(street(), out)
         return

@@ -15,6 +15,7 @@ from sitl_plant.physics.wind.packed_field import FASTEST_M_S, FieldError, save
 Array = np.ndarray[Any, Any]
 
 FILLS = (-999999.0, -9999.0)  # of PALM, new and old
+MOST_GIB = 8  # of the values of a file, as it says itself: a small one may claim any number
 FARTHEST_M = 1e8  # of a place: map projections with the number of their zone reach 6e7
 CLOSEST_M, CLOSEST_S = 1e-6, 1e-6  # of two places, and of two times
 METRES = {"m", "meter", "meters", "metre", "metres"}
@@ -50,6 +51,16 @@ class Grid:
 def wrong(source: str, what: str) -> FieldError:
     """An error to raise of a file."""
     return FieldError(f"{source}: {what}")
+
+
+def check_size(source: str, values: int) -> None:
+    """Raise FieldError for more bytes of values than are read."""
+    if values > MOST_GIB << 30:
+        raise wrong(
+            source,
+            f"it says that it has {values / (1 << 30):.3g} GiB of values: expected {MOST_GIB} GiB at most; "
+            "cut it to the place and the times of the flight (ncks -d)",
+        )
 
 
 def check_units(source: str, name: str, units: Any, known: set[str]) -> None:

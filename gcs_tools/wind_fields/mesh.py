@@ -18,12 +18,9 @@ FACES = {
     13: ((0, 1, 2), (3, 5, 4), (0, 3, 4, 1), (1, 4, 5, 2), (2, 5, 3, 0)),
     14: ((0, 3, 2, 1), (0, 1, 4), (1, 2, 4), (2, 3, 4), (3, 0, 4)),
 }  # fmt: skip
-NEAR, FAR = (
-    16,
-    96,
-)  # cells whose centres are nearest, that are tried first, and where none of them holds a place
 OUTSIDE = 0.02  # of a cell's size: so far outside its faces, which need not be flat, a place still belongs to it
-CHUNK = 100_000  # places at a time
+CHUNK = 200_000  # places at a time
+OVERLAP = 50  # times that every place may lie in the boxes of cells, on the average
 MOST_FACES = 40_000_000
 
 
@@ -115,34 +112,48 @@ def mesh(points: Array, cells: Cells) -> Mesh:
     )  # fmt: skip
 
 
-def cells_at(of: Mesh, places: Array) -> Array:
-    """The cell that holds each place (m, (n, 3)): int (n,), -1 where none does."""
-    from scipy.spatial import cKDTree
+def cells_at(of: Mesh, points: Array, axes: tuple[Array, Array, Array]) -> Array:
+    """The cell that holds each place of a regular grid: int (z, y, x), -1 where none does.
 
-    tree, found = cKDTree(of.centre), np.full(len(places), -1)
-    for near in (NEAR, FAR):
-        open_ = np.flatnonzero(found < 0)
-        for start in range(0, len(open_), CHUNK):
-            some = open_[start : start + CHUNK]
-            found[some] = _among(of, tree, places[some], min(near, len(of.centre)))
-    return found
+    points : of the mesh.  axes : x, y and z, rising.  Raises ValueError for cells that overlap without end.
+    """
+    n, shape = len(of.centre), tuple(len(axis) for axis in reversed(axes))
+    slack, at = OUTSIDE * of.size, points[of.corner].astype(np.float64)
+    first, wide = np.empty((n, 3), dtype=np.int64), np.empty((n, 3), dtype=np.int64)
+    for a, axis in enumerate(axes):  # the places in the box about each cell
+        low, high = np.full(n, np.inf), np.full(n, -np.inf)
+        np.minimum.at(low, of.corner_cell, at[:, a])
+        np.maximum.at(high, of.corner_cell, at[:, a])
+        first[:, a] = np.searchsorted(axis, low - slack)
+        wide[:, a] = np.searchsorted(axis, high + slack, side="right") - first[:, a]
+    ends = np.cumsum(wide.prod(axis=1))
+    n_places = int(np.prod(shape))
+    best, chosen = np.full(n_places, -np.inf), np.full(n_places, -1)
+    if ends[-1] > OVERLAP * (n_places + n):
+        raise ValueError("its cells overlap")
+    for start in range(0, int(ends[-1]), CHUNK):
+        k = np.arange(start, min(start + CHUNK, int(ends[-1])))
+        cell = np.searchsorted(ends, k, side="right")
+        k -= np.where(cell > 0, ends[cell - 1], 0)
+        along_x, along_y = wide[cell, 0], wide[cell, 1]
+        x, y = first[cell, 0] + k % along_x, first[cell, 1] + k // along_x % along_y
+        z = first[cell, 2] + k // (along_x * along_y)
+        inside = _depth(of, cell, np.stack([axes[0][x], axes[1][y], axes[2][z]], axis=-1))
+        held = inside >= -OUTSIDE
+        place, inside, cell = ((z * shape[1] + y) * shape[2] + x)[held], inside[held], cell[held]
+        np.maximum.at(best, place, inside)
+        deepest = inside == best[place]
+        chosen[place[deepest]] = cell[deepest]
+    return chosen.reshape(shape)
 
 
-def _among(of: Mesh, tree: Any, places: Array, near: int) -> Array:
-    _, candidates = tree.query(places, near)
-    candidates = candidates.reshape(len(places), near)
-    best, chosen = np.full(len(places), -np.inf), np.full(len(places), -1)
-    for column in candidates.T:
-        faces = of.faces[column]
-        inside = np.einsum(
-            "ijk,ijk->ij", of.normal[faces], of.middle[faces] - places[:, None, :]
-        ).min(axis=1)
-        inside /= of.size[column]
-        better = inside > best
-        best[better], chosen[better] = inside[better], column[better]
-        if (best >= 0.0).all():
-            break
-    return np.where(best >= -OUTSIDE, chosen, -1)
+def _depth(of: Mesh, cell: Array, places: Array) -> Array:
+    """How deep each place lies in a cell, over the cell's size. Below 0 it lies outside."""
+    depth = np.full(len(cell), np.inf)
+    for face in of.faces[cell].T:
+        out = np.einsum("ij,ij->i", of.normal[face], of.middle[face] - places)
+        np.minimum(depth, out, out=depth)
+    return depth / of.size[cell]
 
 
 def slopes(of: Mesh, points: Array, at_centre: Array, at_points: Array | None) -> Array:

@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from fcu.interface.files import input_file
+from gcs_tools.wind_fields.grid import check_size
 from sitl_plant.physics.wind.packed_field import FieldError
 
 _HDF5 = b"\x89HDF"
@@ -80,7 +81,7 @@ def _netcdf4(path: Path) -> Contents:
             f"{path}: NetCDF-4 needs h5py: pip install 'm-mrac[city]', or nccopy -k classic IN OUT"
         ) from error
     with h5py.File(path, "r") as file:
-        found = {}
+        found, values = {}, 0
         for name in file:
             link = file.get(name, getlink=True)
             if isinstance(link, h5py.ExternalLink):
@@ -92,6 +93,8 @@ def _netcdf4(path: Path) -> Contents:
                 continue
             if of.external or of.is_virtual:
                 raise FieldError(f"{path}: {input_file.plain(name)} {ELSEWHERE}")
+            values += of.size * of.dtype.itemsize
+            check_size(str(path), values)
             dimensions = tuple(_dimension(of, i) for i in range(of.ndim))
             found[name] = Variable(name, dimensions, np.array(of[...]), dict(of.attrs))
         return Contents(found, dict(file.attrs))

@@ -113,7 +113,7 @@ def _resampled(contents: Contents, source: str) -> Grid:
     ]
     x, y, z = axes
     places = np.stack([of.ravel() for of in np.meshgrid(z, y, x, indexing="ij")][::-1], axis=-1)
-    cell = meshes.cells_at(made, places)
+    cell = meshes.cells_at(made, points, (x, y, z)).ravel()
     v = np.full(places.shape, np.nan, dtype=np.float32)
     some = cell >= 0
     arm = places[some] - made.centre[cell[some]]

@@ -16,7 +16,7 @@ from xml.etree import ElementTree
 import numpy as np
 
 from fcu.interface.files import input_file
-from gcs_tools.wind_fields.grid import wrong
+from gcs_tools.wind_fields.grid import check_size, wrong
 from sitl_plant.physics.wind.packed_field import FieldError
 
 Array = np.ndarray[Any, Any]
@@ -295,7 +295,7 @@ def _xml(data: bytes, source: str) -> Contents:
     root = ElementTree.fromstring(data)
     order = "<" if root.get("byte_order", "LittleEndian") == "LittleEndian" else ">"
     reader = _Arrays(
-        order, TYPES[root.get("header_type", "UInt32")], root.get("compressor") or "", encoding,
+        source, order, TYPES[root.get("header_type", "UInt32")], root.get("compressor") or "", encoding,
         appended.strip() if encoding == "base64" else appended,
     )  # fmt: skip
     kind = root.get("type")
@@ -352,8 +352,15 @@ class _Arrays:
     """How an XML file writes its arrays."""
 
     def __init__(
-        self, order: str, header: str, compressor: str, encoding: str, appended: bytes
+        self,
+        source: str,
+        order: str,
+        header: str,
+        compressor: str,
+        encoding: str,
+        appended: bytes,
     ) -> None:
+        self.source = source
         self.order, self.header, self.compressor = order, np.dtype(order + header), compressor
         self.encoding, self.appended = encoding, appended
         if compressor not in ("", "vtkZLibDataCompressor"):
@@ -396,12 +403,22 @@ class _Arrays:
                 return decoded(n, at)[0]
             return decoded(size + n, 0)[0][size:]  # header and values are one text
         head, _ = decoded(3 * size, 0)
-        blocks = int(np.frombuffer(head, self.header)[0])
+        blocks, size_of_block, _ = np.frombuffer(head, self.header).tolist()
+        check_size(self.source, blocks * size_of_block)
         head, at = decoded((3 + blocks) * size, 0)
         sizes = np.frombuffer(head, self.header)[3:].astype(np.int64)
         packed, _ = decoded(int(sizes.sum()), at)
         ends = np.concatenate(([0], np.cumsum(sizes)))
         return b"".join(
-            zlib.decompress(packed[a:b])
+            _unpacked(packed[a:b], size_of_block)
             for a, b in zip(ends[:-1].tolist(), ends[1:].tolist(), strict=True)
         )
+
+
+def _unpacked(block: bytes, size: int) -> bytes:
+    """A block of zlib's of at most so many bytes. Raises ValueError, zlib.error."""
+    reader = zlib.decompressobj()
+    found = reader.decompress(block, max(size, 1))
+    if not reader.eof:
+        raise ValueError(f"a block ends early, or has more than its {size} bytes")
+    return found

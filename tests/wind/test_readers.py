@@ -324,6 +324,13 @@ def _of(value):
     return replaced
 
 
+def _claims(file, folder):
+    del file["u"]
+    file.create_dataset(
+        "u", (1 << 23, N, N, N), "f4", chunks=(1, N, N, N)
+    )  # of which none is written
+
+
 def _units(file, folder):
     file["u"].attrs["units"] = np.array([1, 2, 3])
 
@@ -331,6 +338,7 @@ def _units(file, folder):
 @pytest.mark.parametrize(("change", "said"), [
     (_outside, "u leads to another file"), (_linked, "u leads to another file"), (_virtual, "u leads to another file"),
     (_of(b"x"), "u has no real numbers"), (_of(1j), "u has no real numbers"), (_units, r"u is in '\[1 2 3\]'"),
+    (_claims, "GiB at most"),
 ])  # fmt: skip
 def test_values_that_are_elsewhere_or_no_numbers_are_refused(tmp_path, change, said):
     path = qes(tmp_path / "q.nc", workspace=False)

@@ -80,13 +80,14 @@ def test_each_kind_of_cell_holds_the_places_in_it():
         14: [[0, 1, 3, 2, 8], [4, 5, 7, 6, 8], [0, 1, 5, 4, 8], [2, 3, 7, 6, 8], [0, 2, 6, 4, 8], [1, 3, 7, 5, 8]],
         10: [[0, 1, 2, 4], [1, 2, 3, 7], [1, 4, 5, 7], [2, 4, 6, 7], [1, 2, 4, 7]],
     }  # fmt: skip
-    places = np.random.default_rng(1).uniform(-0.5, 1.5, (500, 3))
-    inside = ((places > 0.0) & (places < 1.0)).all(axis=1)
-    far = (np.abs(places - 0.5) > 0.6).any(axis=1)
+    axes = tuple(np.sort(np.random.default_rng(1).uniform(-0.5, 1.5, (3, 9))))
+    places = np.stack(np.meshgrid(*axes[::-1], indexing="ij")[::-1], axis=-1)
+    inside = ((places > 0.0) & (places < 1.0)).all(axis=-1)
+    far = (np.abs(places - 0.5) > 0.6).any(axis=-1)
     for kind, corners in of.items():
         flat = np.array(corners)
         cells = vtk_file.Cells(np.full(len(flat), kind), flat.ravel(), np.arange(len(flat) + 1) * flat.shape[1], {})  # fmt: skip
-        found = mesh.cells_at(mesh.mesh(points, cells), places)
+        found = mesh.cells_at(mesh.mesh(points, cells), points, axes)
         assert (found[inside] >= 0).all() and (found[far] < 0).all(), kind
 
 
@@ -128,6 +129,24 @@ def test_a_picture_is_read_however_its_arrays_are_written(tmp_path, way, packed)
     part = read(tmp_path / "f.vti").parts["v"]
     assert part.x.tolist() == [10, 11, 12, 13] and part.y.tolist() == [20, 22, 24]
     np.testing.assert_array_equal(part.v.ravel(), v[:, 1])
+
+
+@pytest.mark.parametrize(("blocks", "size", "said"), [
+    (1, 1000, "more than its 1000 bytes"), (1 << 20, 1 << 20, "GiB at most"),
+])  # fmt: skip
+def test_a_picture_that_unpacks_to_more_than_it_says_or_than_is_read_is_refused(
+    tmp_path, blocks, size, said
+):
+    bomb = zlib.compress(bytes(1 << 20))
+    head = np.array([blocks, size, 0, len(bomb)], dtype="<u4").tobytes()
+    coded = (base64.b64encode(head) + base64.b64encode(bomb)).decode()
+    (tmp_path / "f.vti").write_text(
+        '<VTKFile type="ImageData" byte_order="LittleEndian" compressor="vtkZLibDataCompressor"><ImageData WholeExtent="0 3 0 2 0 1" '
+        'Origin="0 0 0" Spacing="1 1 1"><Piece Extent="0 3 0 2 0 1"><PointData><DataArray type="Float32" Name="U" '
+        f'NumberOfComponents="3" format="binary">{coded}</DataArray></PointData></Piece></ImageData></VTKFile>'
+    )  # fmt: skip
+    with pytest.raises(FieldError, match=said):
+        read(tmp_path / "f.vti")
 
 
 def test_a_regular_legacy_file_is_read(tmp_path):
