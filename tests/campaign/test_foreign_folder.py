@@ -26,6 +26,7 @@ def interrupted(campaign, out):
     return part
 
 
+@pytest.mark.computes
 def test_a_flipped_bit_of_a_part_never_becomes_another_row(make, tmp_path):
     campaign, out = make("flights = 40"), tmp_path / "out"
     part = interrupted(campaign, out)

@@ -19,6 +19,7 @@ CONFIDENCE = 0.9
 
 @pytest.mark.parametrize("p", [0.5, 0.9, 0.99])
 @pytest.mark.parametrize("width", [None, 0.08])
+@pytest.mark.computes
 def test_the_interval_covers_the_known_probability(p, width):
     found = [flown(p, 1000, seed, width, CONFIDENCE) for seed in range(CAMPAIGNS)]
     covered = sum(each.low <= p <= each.high for each in found)

@@ -35,6 +35,7 @@ def since(mission, *settings):
     "wind",
     ["amplitude_m_s=[7.2,7.2,5.7]", "amplitude_m_s=[11,11,5]", "steady_m_s=[8,8,0]"],
 )
+@pytest.mark.computes
 def test_inside_the_beliefs_nothing_is_told(mass, wind):
     settings = STILL, f"wind.{wind}", f"plant.mass_kg={mass}"
     assert since("urban_step", *settings) == {}

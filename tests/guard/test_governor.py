@@ -238,6 +238,7 @@ def test_the_same_step_as_it_is_asked_saturates(flight, fixed):
 
 
 @pytest.mark.parametrize(("f_m", "lasts_s"), [(0.3, 50.0), (1.0, 50.0), (3.0, 90.0)])
+@pytest.mark.computes
 def test_a_long_way_is_flown_at_a_steady_speed_and_without_turning_back(
     flight, fixed, f_m, lasts_s
 ):

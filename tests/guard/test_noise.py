@@ -77,6 +77,7 @@ def test_the_amounts_are_those_of_the_mission():
 
 @pytest.mark.parametrize("part", [0.1, 1.0])
 @pytest.mark.parametrize("delay_s", [0.0, 0.004])
+@pytest.mark.computes
 def test_white_noise_moves_the_demand_as_foretold(part, delay_s):
     """Standard deviations in hover, of force along and across the thrust and of torque."""
     scene, ticks = hover(40.0, delay_s), round(delay_s * 500)
@@ -123,6 +124,7 @@ def test_noise_that_is_chosen_for_it_moves_the_demand_by_its_bound_and_no_more()
 
 @pytest.mark.parametrize("gaussian", [False, True])
 @pytest.mark.parametrize("T", [35.0, 47.0, 88.0, 120.0, 190.0])
+@pytest.mark.computes
 def test_two_numbers_tell_it_at_every_thrust(settings_of, gaussian, T):
     """Torque is one number and one over the thrust; force grows from hover to full thrust, no more than straight."""
     words = "gaussian" if gaussian else "bounded"

@@ -88,6 +88,7 @@ def scalar(x, y):
 
 
 @WIDTHS
+@pytest.mark.computes
 def test_each_lane_has_the_bits_of_the_scalar(width):
     pairs = list(product(NUMBERS, NUMBERS))
     random = np.random.default_rng(width)

@@ -95,6 +95,7 @@ def test_a_command_is_followed_as_fast_as_the_motors_are():
 
 
 @pytest.mark.parametrize("epsilon", [0.5, 2.0])
+@pytest.mark.computes
 def test_a_wrong_inertia_is_corrected(epsilon):
     """(47): alpha = epsilon M/((epsilon - 1) H M + 1) alpha_c, of an inertia believed epsilon times."""
     law = paper()

@@ -62,6 +62,7 @@ def test_the_short_way_round_at_the_limit(law, hover, fixed):
 @pytest.mark.parametrize("rate_hz", [250.0, 500.0, 1000.0])
 @pytest.mark.parametrize("wind", [False, True])
 @pytest.mark.parametrize("degrees", [90.0, -30.0, 179.0])
+@pytest.mark.computes
 def test_a_step_in_yaw_does_not_swing_on(flight, fixed, rate_hz, wind, degrees):
     """Departure 16. Without it 90 degrees overshoot by 48 (in still air), 179 cost 1.3 m."""
     here, there = fixed((0.0, 0.0, 10.0)), fixed((0.0, 0.0, 10.0), math.radians(degrees))

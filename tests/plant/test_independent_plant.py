@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
 
@@ -57,6 +58,7 @@ def derivative(t, y, u):
     return np.concatenate([v, v_dot, (R @ cross_matrix(w)).ravel(), w_dot, Omega_dot])
 
 
+@pytest.mark.computes
 def test_two_seconds_of_manoeuvre_in_the_papers_wind_agree_to_1e_8(plant, fly):
     params = plant(wind=WIND)
     state = start_state(params, {"position_m": [1.0, 2.0, 3.0], "yaw_deg": 40.0})

@@ -99,6 +99,7 @@ def test_policies_fly_the_same_draws():
 
 @pytest.mark.parametrize("noise", ["none", "gaussian"])
 @pytest.mark.parametrize("setpoints", SETPOINTS)
+@pytest.mark.computes
 def test_in_a_wind_of_its_own_every_tick_is_that_of_the_law_alone(setpoints, noise):
     """To the bit: nothing is refused, and the wind is left alone."""
     found = shortened(attack(of_kind("own", setpoints), How(noise=noise)), 5.0)
