@@ -48,6 +48,7 @@ POLICIES = ("warn", "govern", "refuse")  # of MR_GUARD, in its order
 ANSWERING = ("against-velocity", "with-velocity", "against-thrust", "with-thrust")
 FOLDER = Path(__file__).parents[2] / "fcu" / "airframes"
 HEIGHT_M, NEAR_M, STILL_M_S = 8.0, 0.5, 0.25
+REST_S = 45.0  # within which a vehicle that was fast has to be at rest
 NEAR_HOME_M = 2.5  # a return that begins within two metres of home lands there
 TRANSIENT_S = 3.0  # after take-over: the estimates begin
 LATE, STAYS_S = 1.1, 2.0  # of the announced time, and for how long it then has to stay
@@ -232,11 +233,16 @@ def _velocities(flight: Flight, by: random.Random, made: Found, policy: str) -> 
     flight.stream(8.0, lambda _: (VELOCITY, *none))
 
 
+def _rests(flight: Flight) -> bool:
+    """Return whether the vehicle is at rest, by the truth."""
+    return math.hypot(*flight.truth["velocity"]) < STILL_M_S
+
+
 def _away(flight: Flight, made: Found, place: Place) -> None:
     """Go to a place by DO_REPOSITION, as fast as it is granted, and come to rest there."""
     _granted(flight, partial(flight.reposition, *place))
     flight.go(2.0)
-    flight.go_until(lambda: math.hypot(*flight.truth["velocity"]) < STILL_M_S, 90.0)
+    flight.go_until(lambda: _rests(flight), 90.0)
     for name, value in made["limits"].items():
         flight.set(name, value)
 
@@ -287,7 +293,7 @@ def _reposition(flight: Flight, by: random.Random, made: Found, policy: str) -> 
         place = (by.uniform(-35.0, 35.0), by.uniform(-35.0, 35.0), -by.uniform(5.0, 25.0))
         _granted(flight, partial(flight.reposition, *place))
         flight.go(by.choice((2.0, 4.0)))
-    flight.go_until(lambda: math.hypot(*flight.truth["velocity"]) < STILL_M_S, 60.0)
+    flight.go_until(lambda: _rests(flight), 60.0)
     flight.go(8.0)
     return place
 
@@ -442,18 +448,17 @@ def fly(
             flight.go_until(lambda: flight.mode >> 24 != 2, 60.0)  # take-off
             try:
                 place, arrived = MODES[made["mode"]](flight, by, found, policy), True
+                if place is None and made["mode"] not in MOVING:
+                    flight.go_until(lambda: _rests(flight), REST_S)
             except AssertionError as error:
                 place, arrived, found["why"] = None, False, str(error)[:300]
             after = limits_met(flight)
             told = max(flight.values.get("saturated", [0.0]))
             found["cut"] = [b - a for a, b in zip(before, after, strict=True)]  # ticks
             found["saturated"], found["told"] = after != before or told > 0.0, told
-            still = math.hypot(*flight.truth["velocity"]) < STILL_M_S
             if place is not None:
                 found["off_m"] = math.dist(flight.truth["at"], place)
                 arrived = arrived and found["off_m"] < NEAR_M
-            elif made["mode"] not in MOVING:
-                arrived = arrived and still
             found["arrived"] = arrived
             if flight.armed:
                 flight.command_mode("land")

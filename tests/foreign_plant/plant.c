@@ -353,7 +353,7 @@ static void judge(vec wind_before, double dt) {
     double high = -now.at.z - ground(now.at) - body.gear;
     if (!now.touching && high > 0.1) judged.flew = true;
     if (now.touching && judged.flew && judged.touched_at < 0.0) judged.touched_at = seconds();
-    if (judged.touched_at >= 0.0 && judged.disarmed < 0.0 && told == 0.0) judged.disarmed = seconds() - judged.touched_at;
+    if (judged.touched_at >= 0.0 && told > 0.0) judged.disarmed = seconds() - judged.touched_at;
     if (now.touching && !was_touching) judged.contacts++, judged.touchdown = now.touch_speed;
     was_touching = now.touching;
     judged.wind_most = fmax(judged.wind_most, norm(now.wind));
