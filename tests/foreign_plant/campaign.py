@@ -6,7 +6,7 @@ acceleration, and setpoints are drawn. Whatever is known of a flight has crossed
 simulator, and what the vehicle says. Each policy flies the same draws.
 
 *Saturated*: from 3 s after take-over until it lands, the thrust or the tilt is at its limit by the truth, or a
-rotor is, its share of yaw's torque left out, or the vehicle says so. *Lost*: the simulator says it. *Not
+rotor is, its share of yaw's torque left out (`told`: the vehicle says so, of yaw too). *Lost*: the simulator says it. *Not
 arrived*: at the end of the mode the vehicle is more than 0.5 m from the place that it was sent to, or still
 moves in modes that have none, or stays armed after the landing. *Late*: of a step from rest whose arrival is
 announced (`gcs envelope`), the vehicle is not within 0.3 m 1.1 times as long after it, or leaves again.
@@ -455,7 +455,7 @@ def fly(
             after = limits_met(flight)
             told = max(flight.values.get("saturated", [0.0]))
             found["cut"] = [b - a for a, b in zip(before, after, strict=True)]  # ticks
-            found["saturated"], found["told"] = after != before or told > 0.0, told
+            found["saturated"], found["told"] = after != before, told
             if place is not None:
                 found["off_m"] = math.dist(flight.truth["at"], place)
                 arrived = arrived and found["off_m"] < NEAR_M
