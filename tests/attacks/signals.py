@@ -3,8 +3,9 @@
     python -m tests.attacks.signals
 
 A row is a program (`gcs fly` or `gcs up`), the process that is sent the signal, and which; a column a phase.
-PAUSE is a STOP that is continued after 3 s. The script is a user's, of a mission that names one, and the
-station a program that sends heartbeats. A cell has the exit code and the seconds from the signal to the end.
+PAUSE is a STOP that is continued after 3 s. The script is a user's: a mission of `gcs fly` names it, and
+with `gcs up` it is started beside it. The station is a program that sends heartbeats. A cell has the exit
+code and the seconds from the signal to the end.
 Findings are told as they come; the exit code is 1 if there is any. `README.md` says what is looked for.
 """
 
@@ -25,15 +26,14 @@ from pathlib import Path
 from typing import NamedTuple
 
 import click
-import pymavlink.dialects.v20.common as mavlink
 
+from fcu.interface.ports import ports
 from fcu.interface.status_texts import Code, Told, words
 from gcs_tools.judging import result
 from gcs_tools.recording import reader
 from tests.attacks.outcome import TRACES
 from tests.patience import until
 from tests.process.conftest import Program, alive, claimed_instance
-from tests.process.script import Script
 
 SIGNALS = ("KILL", "STOP", "PAUSE", "TERM", "INT", "HUP")
 OURS = ("runner", "fcu", "sitl_plant", "publisher")
@@ -63,7 +63,7 @@ SCRIPTED = """title = "A script takes off, stays for a while, and lands."
 duration_s = 60.0
 ground_z_m = 0.0
 start = {{ on_ground = true }}
-script = "{python} {script} {{url}}"
+script = "{python} {script} {{url}} {how}"
 pace = "speed:1"
 [expect]
 ended = "landed"
@@ -71,7 +71,7 @@ ended = "landed"
 HOP = Path(__file__).parents[1] / "scripts" / "hop.py"
 HOVERED_S = {"landing": "0", "closing": "0"}  # wall, by the script; long enough for any other phase
 ENOUGH_S = "12"
-SAID = {"armed": "armed", "flight": "up", "landing": "up", "closing": "landed"}  # by the script
+SAID = {"armed": "armed", "flight": "up", "plan": "plan", "landing": "landing", "closing": "landed"}
 LANDING_TOLD, ARMED_TOLD = (words(Told(code)) for code in (Code.SETPOINT_INTO_GROUND, Code.ARMED))
 ROOT = Path(__file__).parents[2]
 HALF_A_MEGABYTE = 1 << 19
@@ -106,44 +106,20 @@ class Ended(NamedTuple):
         return f"{self.code}, {self.took_s:.1f} s"
 
 
-class GroundScript(Script):
-    """Arms, takes off and lands."""
-
-    def reach(self, phase: str) -> None:
-        """Bring a vehicle that is up to a phase, from the ground."""
-        if phase == "closing":
-            return
-        standby = mavlink.MAV_STATE_STANDBY
-        self.first("HEARTBEAT", lambda m: m.system_status == standby)
-        self._ask(mavlink.MAV_CMD_COMPONENT_ARM_DISARM, 1)
-        if phase == "armed":
-            return
-        start = self.first("LOCAL_POSITION_NED").z
-        self._ask(mavlink.MAV_CMD_NAV_TAKEOFF, 0, 0, 0, *[float("nan")] * 3, 2.0)
-        self.first("LOCAL_POSITION_NED", lambda m: m.z < start - 1.0)
-        if phase == "landing":
-            self._ask(mavlink.MAV_CMD_NAV_LAND)
-            landing = mavlink.MAV_LANDED_STATE_LANDING
-            self.first("EXTENDED_SYS_STATE", lambda m: m.landed_state == landing)
-
-    def _ask(self, command: int, *params: float) -> None:
-        """A command whose answer nobody waits for: what follows shows that it was taken."""
-        self.command_to(self.target[0], command, *params)
-
-
 def _pids(program: Program) -> dict[str, int]:
     children = program.children()
     found = {name: children[name] for name in ("fcu", "sitl_plant") if name in children}
     if "gcs_tools" in children:
         found["publisher"] = children["gcs_tools"]
-    if (script := _script(program)) is not None:
+    script = _script(program.folder)
+    if script is not None:
         found["script"] = script
     return found
 
 
-def _script(program: Program) -> int | None:
+def _script(folder: Path) -> int | None:
     """Pid of the script of a flight, which is the Python that runs the copy in the flight's folder."""
-    wanted = str(program.folder / HOP.name).encode()
+    wanted = str(folder / HOP.name).encode()
     for entry in Path("/proc").iterdir():
         try:
             words = (entry / "cmdline").read_bytes().split(b"\0")
@@ -154,9 +130,12 @@ def _script(program: Program) -> int | None:
     return None
 
 
-def _reach(trial: Trial, program: Program, folder: Path, instance: int) -> None:
-    """Wait until the flight is in the phase; Raises AssertionError if it does not get there."""
-    names = {"fcu", "sitl_plant", "publisher", "script"}
+def _reach(trial: Trial, program: Program, folder: Path, beside: Program | None) -> None:
+    """Wait until the flight is in the phase. Raises AssertionError if it does not get there.
+
+    beside : the script that is started beside `gcs up`.
+    """
+    names = {"fcu", "sitl_plant", "publisher", "script"} if beside is None else set(OURS[1:])
 
     def begun() -> bool:
         wanted = {trial.victim} & names or {"fcu"}
@@ -170,11 +149,8 @@ def _reach(trial: Trial, program: Program, folder: Path, instance: int) -> None:
             program.started()
             return
         program.says("ready: ")
-        script = GroundScript(instance)
-        try:
-            script.reach(trial.phase)
-        finally:
-            script.close()
+        if beside is not None and trial.phase != "closing":
+            beside.says(SAID[trial.phase])
         return
     log, file = folder / "run" / "fcu.log", folder / "run" / "flight.mcap"
     if trial.victim == "script":
@@ -215,9 +191,15 @@ def attempt(trial: Trial, folder: Path) -> Ended:
             stack.callback(station.kill)
             others["station"] = station.pid
         hovers = {**os.environ, "HOP_S": HOVERED_S.get(trial.phase, ENOUGH_S)}
-        program = Program(folder, "gcs_tools", *words, env=hovers)
+        program, beside = Program(folder, "gcs_tools", *words, env=hovers), None
         stack.callback(program.kill)
-        _reach(trial, program, folder, instance)
+        if _has_script(trial) and trial.program == "up":
+            shutil.copy(HOP, folder)
+            url = f"udpin:127.0.0.1:{ports(instance).script}"
+            beside = Program(folder, HOP.stem, url, _how(trial), env=hovers)
+            stack.callback(beside.kill)
+            others["script"] = beside.pid
+        _reach(trial, program, folder, beside)
         if trial.phase != "start-up":
             ready = {"fcu", "sitl_plant", "publisher"}
             until(
@@ -235,7 +217,7 @@ def _mission(trial: Trial, folder: Path) -> Path:
     """The mission of a trial, written to its folder."""
     if trial.victim == "script":
         script = shutil.copy(HOP, folder)
-        text = SCRIPTED.format(python=sys.executable, script=script)
+        text = SCRIPTED.format(python=sys.executable, script=script, how=_how(trial))
     elif trial.phase == "plan":
         text = PLAN
     else:
@@ -243,6 +225,17 @@ def _mission(trial: Trial, folder: Path) -> Path:
     mission = folder / "signals.toml"
     mission.write_text(text)
     return mission
+
+
+def _has_script(trial: Trial) -> bool:
+    """Return true for a trial that a script brings to its phase, or is the victim of."""
+    by_script = trial.program == "up" and trial.phase not in (*STARTS, "closing")
+    return by_script or trial.victim == "script"
+
+
+def _how(trial: Trial) -> str:
+    """What hop.py flies."""
+    return "plans" if trial.phase == "plan" else "well"
 
 
 def _end(pids: dict[str, int]) -> None:
@@ -255,7 +248,8 @@ def _struck(
     trial: Trial, program: Program, pids: dict[str, int], others: dict[str, int], folder: Path
 ) -> Ended:
     victim = {"runner": program.pid, **pids, **others}.get(trial.victim)
-    if trial.phase == "closing" and trial.victim != "script":
+    scripted = trial.victim == "script" and trial.program == "fly"  # the flight ends with its script
+    if trial.phase == "closing" and not scripted:
         program.signal(signal.SIGINT)
     began, findings = time.monotonic(), []
     try:
@@ -265,13 +259,13 @@ def _struck(
             findings.append("there was nobody to send the signal to")
     except ProcessLookupError:  # it has closed already
         victim = None
-    goes_on = trial.victim in ("publisher", "station")
+    goes_on = trial.victim in ("publisher", "station", "script") and not scripted
     suspended = {"PAUSE": PAUSED_S, "STOP": SUSPENDED_S if trial.victim == "runner" else 0.0}
     if victim is not None and (for_s := suspended.get(trial.name, 0.0)):
         _wait(program, for_s)
         with suppress(ProcessLookupError):
             os.kill(victim, signal.SIGCONT)
-        goes_on = trial.victim != "script"
+        goes_on = not scripted
     if goes_on and trial.phase != "closing":
         _goes_on(trial, program, folder)
         if program.process.poll() is None:
@@ -280,7 +274,7 @@ def _struck(
     code = program.wait()
     took_s = time.monotonic() - began
     pids |= _pids(program)
-    if took_s > (SCRIPT_WITHIN_S if trial.victim == "script" else WITHIN_S):
+    if took_s > (SCRIPT_WITHIN_S if scripted else WITHIN_S):
         findings.append(f"took {took_s:.0f} s")
     try:
         until(lambda: not any(map(alive, pids.values())), "no orphan")
@@ -325,7 +319,7 @@ def _wait(program: Program, seconds: float) -> None:
 def expected(trial: Trial) -> set[int]:
     """The exit codes that README.md and the help of each command promise."""
     stopped = 130 if trial.program == "fly" else 0
-    if trial.victim == "script":
+    if trial.victim == "script" and trial.program == "fly":
         if trial.name == "PAUSE":
             return {0}  # it lands
         failed = 1 if trial.name == "STOP" else 3  # script_timeout, script_killed
@@ -343,8 +337,8 @@ def expected(trial: Trial) -> set[int]:
         return {stopped, 130} if trial.phase in STARTS else {stopped}
     if trial.phase == "closing":
         return {stopped}
-    if trial.victim in ("publisher", "station"):
-        return {130} if trial.program == "fly" else {0}
+    if trial.victim in ("publisher", "station", "script"):
+        return {stopped}
     return {3}
 
 
@@ -389,12 +383,8 @@ def trials(
 
 
 def _is_one(trial: Trial) -> bool:
-    """Return true if there is such a trial: plans and scripts are of missions, and a script flies no plan."""
-    if trial.phase == "plan" and (trial.program == "up" or trial.victim == "script"):
-        return False
-    if trial.victim == "script":  # it is started when both are ready
-        return trial.program == "fly" and trial.phase != "handshake"
-    return True
+    """Return true if there is such a trial: `gcs fly` starts a script after the handshake."""
+    return not (trial.program == "fly" and trial.victim == "script" and trial.phase == "handshake")
 
 
 def _choice(names: Sequence[str], what: str) -> click.Option:

@@ -48,9 +48,35 @@ def command(number: int, *parameters: float) -> None:
             return
 
 
+def upload(*items: tuple[int, float, float]) -> None:
+    """Have a plan of items in place of the vehicle's: command, first parameter, height over the home position."""
+    at = link.recv_match(type="GLOBAL_POSITION_INT", blocking=True)
+    link.mav.mission_count_send(link.target_system, 1, len(items))
+    while True:
+        asked = link.recv_match(
+            type=["MISSION_REQUEST_INT", "MISSION_REQUEST", "MISSION_ACK"], blocking=True
+        )
+        if asked.get_type() == "MISSION_ACK":
+            assert asked.type == MAV.MAV_MISSION_ACCEPTED, asked
+            return
+        number, first, z = items[asked.seq]
+        link.mav.mission_item_int_send(
+            link.target_system, 1, asked.seq, MAV.MAV_FRAME_GLOBAL_RELATIVE_ALT_INT, number, 0, 1,
+            first, 0.0, 0.0, float("nan"), at.lat, at.lon, z,
+        )  # fmt: skip
+
+
 def height() -> float:
     """Of the next position that the vehicle sends, m."""
     return -link.recv_match(type="LOCAL_POSITION_NED", blocking=True).z
+
+
+def landed() -> None:
+    """Wait until the rotors stand."""
+    armed = MAV.MAV_MODE_FLAG_SAFETY_ARMED
+    while link.recv_match(type="HEARTBEAT", blocking=True).base_mode & armed:
+        pass
+    print("landed", flush=True)
 
 
 command(MAV.MAV_CMD_COMPONENT_ARM_DISARM, 1.0)
@@ -63,6 +89,16 @@ if HOW == "unguarded":
     link.mav.param_set_send(link.target_system, 1, b"MR_GUARD", 0.0, MAV.MAV_PARAM_TYPE_REAL32)
     while link.recv_match(type="PARAM_VALUE", blocking=True).param_id != "MR_GUARD":
         pass
+if HOW == "plans":
+    upload(
+        (MAV.MAV_CMD_NAV_TAKEOFF, 0.0, 3.0),
+        (MAV.MAV_CMD_NAV_LOITER_TIME, float(os.environ.get("HOP_S", "0")), 3.0),
+        (MAV.MAV_CMD_NAV_LAND, 0.0, 0.0),
+    )
+    command(MAV.MAV_CMD_MISSION_START)
+    print("plan", flush=True)
+    landed()
+    sys.exit(0)
 command(MAV.MAV_CMD_NAV_TAKEOFF, 0.0, 0.0, 0.0, float("nan"), float("nan"), float("nan"), 3.0)
 if HOW == "stops":  # the rotors, where a fall harms nothing
     while height() < ground + 0.3:
@@ -78,6 +114,5 @@ print("up", flush=True)
 if HOW == "floats":
     sys.exit(0)
 command(MAV.MAV_CMD_NAV_LAND)
-while link.recv_match(type="HEARTBEAT", blocking=True).base_mode & MAV.MAV_MODE_FLAG_SAFETY_ARMED:
-    pass
-print("landed", flush=True)
+print("landing", flush=True)
+landed()
