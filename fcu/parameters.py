@@ -14,6 +14,7 @@ from __future__ import annotations
 import math
 import stat
 from collections.abc import Iterable, Iterator, Mapping
+from functools import lru_cache
 from pathlib import Path
 from typing import Any, NamedTuple, Protocol
 from weakref import WeakSet
@@ -405,6 +406,22 @@ def _without_promise(left: Any, whole: Any) -> Any:
     )  # fmt: skip
 
 
+@lru_cache(maxsize=64)
+def _left(
+    module: Any, settings: Any, lost: frozenset[int], weight: float, heaviest: float
+) -> tuple[Fate, Any]:
+    """The Fate of a vehicle without the lost rotors, and settings of a law for it: as `of_what_is_left`.
+
+    weight, heaviest : of the middle and of the greatest believed mass, N.
+    """
+    law = settings.law
+    fate, rotors, limits = rotor_loss.without(law.rotors, law.limits, lost, weight, heaviest)
+    if fate is Fate.FALLS:
+        return fate, settings
+    left = module.derived(settings._replace(law=law._replace(rotors=rotors, limits=limits)))
+    return fate, _without_promise(left, settings)
+
+
 class Follower(Protocol):
     """An object that works with values of parameters."""
 
@@ -485,6 +502,10 @@ class Parameters:
         """The guard's parameters in force; without a guard, nothing."""
         return self.settings.guard
 
+    def is_of_guard(self, name: str) -> bool:
+        """True for a parameter of the guard."""
+        return name in self._of_law and self._of_law[name].row.fields[0].startswith("guard.")
+
     def is_of_law(self, name: str) -> bool:
         """True for a parameter of the law or of the guard."""
         return name in self._of_law
@@ -540,6 +561,21 @@ class Parameters:
         guard = _guard_of(self.settings)
         return guard is not None and guard.policy != WARN and guard.promises > 0.0
 
+    @property
+    def is_void(self) -> bool:
+        """True while a guard that would keep to what it believes promises nothing, since a rotor is lost."""
+        guard = _guard_of(self.settings)
+        return guard is not None and guard.policy != WARN and guard.promises == 0.0
+
+    def foresee(self, module: Any = None, settings: Any = None) -> None:
+        """Work out what is left without each of the rotors: too much to do while the vehicle waits for it.
+
+        module, settings : as for `of_what_is_left`; by default those of the law.
+        """
+        module, settings = module or self._module, settings or self._chosen
+        for rotor in range(1, settings.law.rotors.n + 1):
+            _left(module, settings, frozenset((rotor,)), self.weight, self._heaviest)
+
     def lose(self, rotors: Iterable[int], shared: bool = True) -> Fate:
         """Have the law share its work among the rotors that are not lost. Returns what they can do.
 
@@ -561,15 +597,12 @@ class Parameters:
             return Fate.FLIES, settings
         if not self._shared:
             return Fate.FLIES, _without_promise(settings, settings)
-        law, heaviest = settings.law, G * float(self._tables["vehicle"]["mass_kg"][1])
-        fate, rotors, limits = rotor_loss.without(
-            law.rotors, law.limits, self._lost, self.weight, heaviest
-        )
-        if fate is Fate.FALLS:
-            return fate, settings
-        law = law._replace(rotors=rotors, limits=limits)
-        left = module.derived(settings._replace(law=law))
-        return fate, _without_promise(left, settings)
+        return _left(module, settings, self._lost, self.weight, self._heaviest)
+
+    @property
+    def _heaviest(self) -> float:
+        """The weight of the greatest mass that the airframe file believes, N."""
+        return G * float(self._tables["vehicle"]["mass_kg"][1])
 
     # --- what is in force
 

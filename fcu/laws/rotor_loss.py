@@ -6,7 +6,8 @@ one that is opposite. So every choice of the rotors that go on is looked at, and
 hovers: with and without balance about yaw, with loads as even as they can be, and of the greatest thrust.
 
 Of these hovers one is flown. Carrying the weight comes first, yaw second. Thrust counts next, until it is
-enough for a flight, and then the room for torque about roll and pitch beside the hover.
+enough for a flight, and then the room for torque about roll and pitch beside the hover. A choice whose thrust
+cannot win is not worked out further, since the vehicle waits in the air.
 
 Worked out once, when a rotor is lost: no kernel knows of it but by its RotorParams and Limits.
 """
@@ -14,9 +15,9 @@ Worked out once, when a rotor is lost: no kernel knows of it but by its RotorPar
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Iterable, Iterator
+from collections.abc import Callable, Collection, Iterator
 from enum import IntEnum
-from itertools import chain, combinations, product
+from itertools import combinations, product
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -72,11 +73,13 @@ def hovers(
     T_hover: float,
     even: bool = True,
     level: bool = True,
+    counts: Callable[[float], bool] = lambda T_max: True,
 ) -> Iterator[Shared]:
     """Yield a hover of every choice of the rotors that are not lost, where the choice has one.
 
     lost : numbers of rotors, from 1.  T_hover : total thrust of hover, N.  even : with loads as even as
     they can be. Else that of the greatest thrust.  level : without torque about yaw. Else with any.
+    counts : whether a hover of a greatest total thrust (N) is wanted; if not, it may be left out.
     """
     x, y, spin, c_T, Omega_max = (
         np.array(row) for row in (rotors.x, rotors.y, rotors.spin, rotors.c_T, rotors.Omega_max)
@@ -86,8 +89,11 @@ def hovers(
     rows, hover = 4 if level else 3, even_hover if even else strongest_hover
     for n in range(len(there), LEAST_LEFT - 1, -1):
         for used in map(list, combinations(there, n)):
+            if not counts(float(full[used].sum()) * (1.0 + SAME)):
+                continue
             each = hover(effect[:rows, used], full[used])
-            found = _shared(effect[:, used], full[used], each, T_hover, rotors.f_min * rotors.W)
+            T_min = rotors.f_min * rotors.W
+            found = _shared(effect[:, used], full[used], each, T_hover, T_min, counts)
             if found is not None and not (level and found.yaw is Yaw.LEFT):
                 w, B = np.zeros(ROTORS), np.zeros((ROTORS, 3))
                 w[used], B[used] = found.w, found.B
@@ -107,28 +113,34 @@ def best_hover(
     room that is left, or the thrust where no weight is carried. Hovers of even loads are kept where one of
     them is enough for a flight. A hover that turns ever faster has to carry the weight.
     """
+    best: Shared | None = None
 
-    def rank(each: Shared) -> tuple[float, ...]:
-        carried = sum(each.T_max >= weight for weight in (T_hover, T_heaviest))
-        last = each.room if carried else each.T_max
-        return carried, each.yaw, each.T_max >= HOVERS * T_heaviest, last
+    def rank(T_max: float, yaw: Yaw, room: float) -> tuple[float, ...]:
+        carried = sum(T_max >= weight for weight in (T_hover, T_heaviest))
+        return carried, yaw, T_max >= HOVERS * T_heaviest, room if carried else T_max
 
-    def best_of(found: Iterable[Shared]) -> Shared | None:
-        return max(found, key=rank, default=None)
+    def of(each: Shared) -> tuple[float, ...]:
+        return rank(each.T_max, each.yaw, each.room)
 
-    best = best_of(hovers(rotors, lost, T_hover))
-    if best is not None and best.T_max >= HOVERS * T_heaviest:
+    def counts(T_max: float) -> bool:
+        return best is None or rank(T_max, Yaw.HELD, math.inf) > of(best)
+
+    def search(even: bool, level: bool = True) -> Shared | None:
+        """The best hover so far; of several that are alike the first."""
+        nonlocal best
+        for each in hovers(rotors, lost, T_hover, even, level, counts):
+            if (level or each.T_max >= T_hover) and (best is None or of(each) > of(best)):
+                best = each
         return best
-    level = best_of(chain([best] if best else [], hovers(rotors, lost, T_hover, even=False)))
-    if level is not None and level.T_max >= T_heaviest:
-        return level
-    turning = [
-        each
-        for even in (True, False)
-        for each in hovers(rotors, lost, T_hover, even, level=False)
-        if each.T_max >= T_hover
-    ]
-    return best_of(chain([level] if level else [], turning))
+
+    for even, level, enough in (
+        (True, True, HOVERS * T_heaviest), (False, True, T_heaviest),
+        (True, False, math.inf), (False, False, math.inf),
+    ):  # fmt: skip
+        found = search(even, level)
+        if found is not None and found.T_max >= enough:
+            break
+    return best
 
 
 def strongest_hover(effect: Array, full: Array) -> Array:
@@ -145,32 +157,46 @@ def strongest_hover(effect: Array, full: Array) -> Array:
     if n < m:
         return best
     limits = np.array(list(product((0.0, 1.0), repeat=n - m))).T  # 1: at full thrust
-    for inner in map(list, combinations(range(n), m)):
-        outer = [i for i in range(n) if i not in inner]
-        if np.linalg.cond(torque[:, inner]) > 1.0 / SAME:
-            continue
-        f = np.empty((n, limits.shape[1]))
-        f[outer] = low[outer, None] + (full - low)[outer, None] * limits
-        f[inner] = np.linalg.solve(torque[:, inner], -torque[:, outer] @ f[outer])
-        slack = SAME * full.max()
-        fits = ((f >= low[:, None] - slack) & (f <= full[:, None] + slack)).all(axis=0)
-        T = np.where(fits, f.sum(axis=0), -1.0)
-        if T.max() > max(np.nansum(best), 0.0):
-            best = f[:, T.argmax()]
+    inner = np.array(list(combinations(range(n), m)))
+    outer = np.array([[i for i in range(n) if i not in each] for each in inner.tolist()], int)
+    apart = np.linalg.cond(torque[:, inner].swapaxes(0, 1)) <= 1.0 / SAME
+    if not apart.any():
+        return best
+    inner, outer = inner[apart], outer.reshape(len(apart), n - m)[apart]
+    corner = np.arange(len(inner))[:, None]
+    f = np.empty((len(inner), n, limits.shape[1]))
+    f[corner, outer] = low[outer, None] + (full - low)[outer, None] * limits
+    given = np.array([torque[:, o] @ each[o] for o, each in zip(outer, f, strict=True)])
+    f[corner, inner] = np.linalg.solve(torque[:, inner].swapaxes(0, 1), -given)
+    slack = SAME * full.max()
+    fits = ((f >= low[:, None] - slack) & (f <= full[:, None] + slack)).all(axis=1)
+    T = np.where(fits, f.sum(axis=1), -1.0)
+    most = 0.0
+    for i, top in enumerate(T.max(axis=1).tolist()):
+        if top > most:
+            best = f[i, :, T[i].argmax()]
+            most = max(float(best.sum()), 0.0)
     return best
 
 
-def _shared(effect: Array, full: Array, each: Array, T_hover: float, T_min: float) -> Shared | None:
+def _shared(
+    effect: Array, full: Array, each: Array, T_hover: float, T_min: float,
+    counts: Callable[[float], bool],
+) -> Shared | None:  # fmt: skip
     """Work out what some rotors make of a hover. None: they do not balance or hold roll and pitch.
 
     effect : float64[4, n] of `interface.airframe.effect`.  full : float64[n], full thrusts, N.
     each : float64[n], thrusts of the hover, N.  T_hover, T_min : total thrust of hover, and the least, N.
+    counts : as for `hovers`. None is returned of what does not count, too.
     """
     if not each.max() > 0.0:
         return None
     left = effect[1:] @ each / each.sum()  # N m of a newton of hover
     w = each / each.max()
     if np.abs(left[:2]).max() > BALANCED or w.min() < LEAST_SHARE * (1.0 - SAME):
+        return None
+    f_max, W = float((full / w).min()), float(w.sum())
+    if not counts(W * f_max * (1.0 + SAME)):
         return None
     shared = effect * w
     balanced = bool(abs(left[2]) <= BALANCED)
@@ -182,7 +208,6 @@ def _shared(effect: Array, full: Array, each: Array, T_hover: float, T_min: floa
         B[:] = np.linalg.pinv(shared)[:, 1:]
     else:
         B[:, :2] = np.linalg.pinv(shared[:3])[:, 1:]
-    f_max, W = float((full / w).min()), float(w.sum())
     room = max(min((T_hover - T_min) / W, f_max - T_hover / W), 0.0)
     return Shared(w, B, f_max, yaw, room / float(np.hypot(B[:, 0], B[:, 1]).max()))
 

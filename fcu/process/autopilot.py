@@ -241,6 +241,10 @@ class Autopilot:
         self.vehicle.state = measured
         self.ground.warm_up(row)
         self.vehicle.state = None
+        if self._link_clock == "both":  # the wall's clock goes on while a loss is worked out
+            self._params.foresee()
+            if self._baseline is not None:
+                self._baseline.foresee(self._params)
 
     # --- time
 

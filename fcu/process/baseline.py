@@ -44,6 +44,10 @@ class Baseline:
             self._settings, flight.setpoint, 0.0, flight.measured, np.full(8, np.nan), remembered
         )
 
+    def foresee(self, params: Parameters) -> None:
+        """Work out the shares without each of the rotors."""
+        params.foresee(self._module, self._whole)
+
     def share(self, params: Parameters) -> None:
         """Have the law share its work as the vehicle's own does, among the rotors that are left."""
         self._settings[:] = to_buffer(params.of_what_is_left(self._module, self._whole)[1])

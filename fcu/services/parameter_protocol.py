@@ -51,7 +51,7 @@ class Saving:
         return Verdict(Result.ACCEPTED, Told(Code.PARAMETERS_SAVED))
 
 
-# to the sender, to everyone, and why it was refused
+# to the sender, to everyone, and why it was refused or has no effect
 Outcome = tuple[Sequence[Packed], Sequence[Packed], Told | None]
 
 
@@ -74,7 +74,7 @@ class ParameterProtocol:
         )
 
     def take(self, message: GroundMessage, link: Link, now: float) -> Outcome | None:
-        """(to the sender, to everyone, a reason of refusal), or None if it is not of this service."""
+        """(to the sender, to everyone, a warning), or None if it is not of this service."""
         if isinstance(message, ParamRequestList):
             if link.list_at is None:  # one list at a time: asking again does not start it again
                 link.list_at, link.list_due = 0, now
@@ -129,7 +129,9 @@ class ParameterProtocol:
         if self._params.is_of_law(name):
             self._set_of_law.add(name)
         also = (self._params.index(each) for each in self._params.changed if each != name)
-        return [], [self._value(i) for i in (self._params.index(name), *also)], None
+        values = [self._value(i) for i in (self._params.index(name), *also)]
+        is_void = self._params.is_void and self._params.is_of_guard(name)
+        return [], values, Told(Code.GUARD_VOID) if is_void else None
 
     def set_of_law(self) -> dict[str, float]:
         """The parameters of law and guard that were set, with the values in force."""

@@ -248,7 +248,9 @@ def _struck(
     trial: Trial, program: Program, pids: dict[str, int], others: dict[str, int], folder: Path
 ) -> Ended:
     victim = {"runner": program.pid, **pids, **others}.get(trial.victim)
-    scripted = trial.victim == "script" and trial.program == "fly"  # the flight ends with its script
+    scripted = (
+        trial.victim == "script" and trial.program == "fly"
+    )  # the flight ends with its script
     if trial.phase == "closing" and not scripted:
         program.signal(signal.SIGINT)
     began, findings = time.monotonic(), []

@@ -14,6 +14,8 @@ from fcu.kernel.algebra import Rotors, Vec3
 from fcu.kernel.buffers import to_buffer
 from fcu.kernel.rotations import from_euler
 from fcu.kernel.rows import column_of, slice_of
+from fcu.laws import rotor_loss
+from fcu.laws.rotor_loss import Fate
 from fcu.parameters import Parameters
 from fcu.process.settings import settings
 from fcu.vehicle.conditions import LOOK_US, MODES, ROWS, SETTLED_US, Action, By, Condition, Watch
@@ -535,6 +537,20 @@ def test_a_vehicle_with_a_lost_rotor_is_not_armed(vehicle):
     assert vehicle.arm(LOSS_US + 600_000, 0.0) == Answer(False, Told(Code.ROTOR_IS_LOST, (3,)))
     vehicle.tell_rotor(3, lost=False)
     assert vehicle.arm(LOSS_US + 700_000, 0.0).granted
+
+
+def test_what_each_loss_leaves_is_worked_out_before_the_flight(params, monkeypatch):
+    """By the wall's clock the vehicle would wait for it in the air, for tens of ticks."""
+    params.lose((3,))
+    left = params.settings
+    params.lose(())
+    params.foresee()
+    monkeypatch.setattr(rotor_loss, "without", None)
+    for rotor in range(1, 9):
+        assert params.lose((rotor,)) is Fate.FLIES
+        assert params.law.rotors.w[rotor - 1] == 0.0
+    params.lose((3,))
+    assert params.settings == left
 
 
 def test_a_reset_has_every_rotor_turn_again(params):
