@@ -21,6 +21,7 @@ from typing import Any
 
 from numba.core.errors import NumbaError
 
+from fcu.interface.files.input_file import plain
 from fcu.interface.files.spelling import suggestion
 from fcu.kernel import buffers, compile
 from fcu.laws import own_file, parameters, seam, unguarded
@@ -129,6 +130,9 @@ class Law:
 
 def load(name: str | Path = DEFAULT, folder: Path | None = None) -> Law:
     """The law of a name, or of a FILE.py (if relative: to `folder`). Raises LawError."""
+    if not str(name).isprintable():  # several lines of an error are kept, those of a name are not
+        expected = "expected a name without control characters"
+        raise LawError(f"{plain(str(name))}: no such law; {expected}")
     with _one_at_a_time:
         if str(name) in SHIPPED:
             return _shipped(str(name))

@@ -56,6 +56,7 @@ from gcs_tools.missions.mission import (
     MissionError,
     allowed,
     from_tables,
+    once,
     parsed_setting,
     with_airframe,
     with_law,
@@ -423,18 +424,17 @@ def path_of(name: str) -> Path:
             " gcs campaign --help shows"
         )
     meant = suggestion(name, shipped())
-    raise CampaignError(f"{name}: no such campaign{meant}; there are {', '.join(shipped())}")
+    raise CampaignError(
+        f"{input_file.plain(name)}: no such campaign{meant}; there are {', '.join(shipped())}"
+    )
 
 
 def settings(written: Sequence[str]) -> dict[str, Any]:
     """Dotted key of a mission -> value, of TABLE.KEY=VALUE each. Raises CampaignError."""
     try:
-        given = [(key, value) for key, value, _ in map(parsed_setting, written)]
+        return {key: value for key, value, _ in map(parsed_setting, once(written))}
     except MissionError as error:
         raise CampaignError(str(error)) from error
-    if twice := [key for key, n in Counter(key for key, _ in given).items() if n > 1]:
-        raise CampaignError(f"--set {twice[0]}: given twice")
-    return dict(given)
 
 
 def read(

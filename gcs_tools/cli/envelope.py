@@ -91,6 +91,7 @@ def envelope(
     from gcs_tools.missions.mission import (
         MissionError,
         load,
+        once,
         override,
         refuse_script,
         with_airframe,
@@ -102,7 +103,7 @@ def envelope(
         chosen = load(mission)
         if airframe is not None:
             chosen = with_airframe(chosen, airframe)
-        for setting in settings:
+        for setting in once(settings):
             chosen = override(chosen, setting)
         refuse_script(chosen, "gcs envelope")
         if not is_cached("foreseen.along"):

@@ -75,6 +75,7 @@ from gcs_tools.missions import mission as mission_file
 from gcs_tools.missions.mission import (
     Mission,
     MissionError,
+    once,
     override,
     with_airframe,
     with_controller,
@@ -130,9 +131,9 @@ def prepared(
             mission = with_law(mission, law)
         if airframe is not None:
             mission = with_airframe(mission, airframe)
-        for given in params:  # first: a setting may expect what they bring about
+        for given in once(params, "--param"):  # first: a setting may expect what they bring about
             mission = with_parameter(mission, given)
-        for setting in settings:
+        for setting in once(settings):
             mission = override(mission, setting)
         if seed is not None:
             mission = override(mission, f"flight.seed={seed}", "--seed")

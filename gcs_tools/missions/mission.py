@@ -24,7 +24,7 @@ from pydantic import ValidationError
 
 from fcu.interface.airframe import AirframeFile
 from fcu.interface.files import input_file, toml_file
-from fcu.interface.files.input_file import TomlError, shortened, written
+from fcu.interface.files.input_file import TomlError, plain, shortened, written
 from fcu.interface.files.spelling import suggestion
 from fcu.interface.files.toml_file import FileError, place
 from fcu.interface.files.toml_lines import KeyPath
@@ -177,15 +177,15 @@ def _path(name: str) -> Path:
         f" (did you mean {meant[0]}?)" if meant else suggestion(name, [*known, *inside, *folders])
     )
     also = "" if of else "".join(f", {each}/..." for each in folders)
-    raise MissionError(f"{name}: no such mission{hint}; there are {', '.join(known)}{also}")
+    raise MissionError(f"{plain(name)}: no such mission{hint}; there are {', '.join(known)}{also}")
 
 
 def _shown(path: Path) -> str:
-    """`path` from the working directory, where it lies below it."""
+    """`path` for a message, from the working directory where it lies below it."""
     try:
-        return str(path.resolve().relative_to(Path.cwd()))
+        return plain(str(path.resolve().relative_to(Path.cwd())))
     except (ValueError, RuntimeError, OSError):  # or it is a link to itself
-        return str(path)
+        return plain(str(path))
 
 
 # --- checking
@@ -200,7 +200,7 @@ def load(name_or_path: str | Path, settings: Iterable[str] = ()) -> Mission:
     source = _shown(path)
     if plan_file.is_plan(path):
         mission = _of_plan(path, source)
-        for setting in settings:
+        for setting in once(settings):
             mission = override(mission, setting)
         return mission
     text = ""
@@ -220,7 +220,7 @@ def load(name_or_path: str | Path, settings: Iterable[str] = ()) -> Mission:
             ) from error
         raise MissionError(str(error)) from error
     mission = _checked(path.stem, source, path.parent, file.tables, {}, file.lines)
-    for setting in settings:
+    for setting in once(settings):
         mission = override(mission, setting)
     return mission
 
@@ -263,6 +263,20 @@ def as_toml(given: Mapping[str, Any], said: str) -> str:
                 *(f"{key} = {written(value)}" for key, value in table.items()),
             ]
     return "\n".join(lines) + "\n"
+
+
+def once(settings: Iterable[str], option: str = "--set") -> list[str]:
+    """Settings of the form KEY=VALUE, each of another key. Raises MissionError for a key that is given twice."""
+    found: dict[str, str] = {}
+    for setting in settings:
+        key = setting.partition("=")[0].strip()
+        if key in found:
+            both = f"{shortened(found[key])} and {shortened(setting)}"
+            raise MissionError(
+                f"{option} {shortened(key)}: given twice, as {both}: expected it once"
+            )
+        found[key] = setting
+    return list(found.values())
 
 
 def override(mission: Mission, setting: str, option: str = "--set") -> Mission:
@@ -346,7 +360,7 @@ def with_law(mission: Mission, law: str, where: str = "") -> Mission:
     given = {**mission.given, "law": {"module": str(Path(law).absolute()) if "." in law else law}}
     changed = {path: option for path, option in mission.changed.items() if path[0] != "law"}
     changed["law", "module"] = "--law"
-    made = _checked(mission.name, where or f"--law {law}", mission.folder, given, changed)
+    made = _checked(mission.name, where or f"--law {plain(law)}", mission.folder, given, changed)
     return (
         mission
         if made.flown is mission.flown
@@ -362,7 +376,7 @@ def with_airframe(mission: Mission, airframe: str, where: str = "") -> Mission:
     found = str(Path(airframe).absolute()) if airframe.endswith(".toml") else airframe
     given = {**mission.given, "airframe": found}
     changed = {**mission.changed, ("airframe",): "--airframe"}
-    said = where or f"--airframe {airframe}"
+    said = where or f"--airframe {plain(airframe)}"
     made = _checked(mission.name, said, mission.folder, given, changed, flown=mission.flown)
     return replace(made, source=mission.source, lines=mission.lines)
 
@@ -480,7 +494,8 @@ def _checked(
         raise MissionError(f"{at}: [vehicle.params] {error}") from error
     except OSError as error:  # of a law whose name no file can have
         at = where("law", "module")
-        raise MissionError(f"{at}: [law] module: {error.filename}: {error.strerror}") from error
+        name = plain(str(error.filename))
+        raise MissionError(f"{at}: [law] module: {name}: {error.strerror}") from error
     except ConfigurationError as error:
         raise MissionError(f"{where('airframe')}: airframe: {error}") from error
     except LawError as error:

@@ -12,6 +12,7 @@ import pytest
 
 from fcu.interface.ports import INSTANCES, busy, ports
 from tests.patience import PATIENCE_S
+from tests.process.conftest import start_process
 
 
 @pytest.fixture
@@ -35,7 +36,7 @@ def vehicle(tmp_path):
                 instance, "plant", "fcu_plant", "fcu_script", "script", "fcu_station", "fcu_tcp"
             ):
                 continue
-            process = subprocess.Popen(
+            process = start_process(
                 [sys.executable, "-m", "gcs_tools", "up", "--instance", str(instance), *options],
                 cwd=tmp_path, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE,
                 stderr=subprocess.DEVNULL, text=True,

@@ -43,6 +43,35 @@ def test_a_picture_is_written_through_a_link(tmp_path):
     assert (tmp_path / "x.png").read_bytes() == b"picture"
 
 
+@pytest.mark.parametrize("direct", [False, True])
+@pytest.mark.parametrize("kind", ["pipe", "device", "file"])
+def test_in_a_folder_of_somebody_elses_nothing_else_is_written_to(tmp_path, direct, kind):
+    led = tmp_path / "led"
+    if kind == "pipe":
+        os.mkfifo(led)
+        reader = os.open(led, os.O_RDONLY | os.O_NONBLOCK)
+    elif kind == "device":
+        led.symlink_to(os.devnull)
+    else:
+        led.write_bytes(b"")
+    path = led if direct else tmp_path / "report.html"
+    if not direct:
+        path.symlink_to(led)
+    whole_file.write(path, b"report", follow=False)
+    assert path.read_bytes() == b"report"
+    assert not path.is_symlink()
+    assert path.stat().st_mode & 0o111 == 0
+    if kind == "pipe":
+        assert os.read(reader, 10) == b""
+        os.close(reader)
+
+
+def test_a_device_is_written_to(tmp_path):
+    (tmp_path / "link").symlink_to(os.devnull)
+    whole_file.write(tmp_path / "link", b"report")
+    assert os.readlink(tmp_path / "link") == os.devnull
+
+
 def test_a_file_that_is_replaced_keeps_its_permissions(tmp_path):
     (tmp_path / "x.toml").write_bytes(b"before")
     (tmp_path / "x.toml").chmod(0o640)

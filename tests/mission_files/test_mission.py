@@ -6,6 +6,8 @@ import re
 import pytest
 
 from fcu.process.settings import PARAMETERS
+from gcs_tools.flight.run import prepared
+from gcs_tools.flight.run_folder import UsageError
 from gcs_tools.judging.expectations import OTHERS
 from gcs_tools.judging.metrics import METRICS
 from gcs_tools.missions import schema as mission_schema
@@ -264,6 +266,39 @@ def test_the_printed_law_has_its_own_bounds_in_force():
     assert values["law.bounds.J_min"] == Value(0.0, "default")
     assert values["law.J_hat_0"].value == 0.0
     assert values["law.guard"] == Value("warn", "default")
+
+
+@pytest.mark.parametrize(
+    "given",
+    [
+        {"settings": ["law.f_m=1.4", "law.gamma=1", " law.f_m = 1.5"]},
+        {"params": ["NAV_DLL_ACT=1", "NAV_DLL_ACT=2"]},
+    ],
+)
+def test_a_key_that_is_set_twice_is_refused(given):
+    ((kind, settings),) = given.items()
+    key, option = settings[0].partition("=")[0], {"settings": "--set", "params": "--param"}[kind]
+    with pytest.raises(UsageError, match=rf"^{option} {key}: given twice.*expected it once$"):
+        prepared("gust_step", **given)
+    if kind == "settings":
+        with pytest.raises(MissionError, match=rf"^{option} {key}: given twice"):
+            load("gust_step", settings)
+
+
+@pytest.mark.parametrize(
+    "given",
+    [
+        {"settings": [r'law.module="a\nb"']}, {"settings": [r'law.module="a\nb.py"']},
+        {"settings": [r'airframe="a\nb.toml"']}, {"settings": [r'flight.plan="a\nb.plan"']},
+        {"settings": [r'wind.field={file="a\nb.field"}']}, {"law": "a\nb"}, {"law": "a\nb.py"},
+        {"airframe": "a\nb.toml"}, {"airframe": "a\nb"}, {"asked": "a\nb"}, {"asked": "a\nb.toml"},
+    ],
+)  # fmt: skip
+def test_a_name_of_two_lines_is_told_on_one(given):
+    with pytest.raises(UsageError) as error:
+        prepared(**{"asked": "gust_step", **given})
+    (line,) = str(error.value).splitlines()
+    assert r"a\nb" in line
 
 
 def test_every_parameter_of_the_law_can_be_set_and_every_metric_expected():

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import ctypes
 import os
 import signal
 import socket
 import subprocess
 import sys
+from collections.abc import Callable, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -31,6 +33,23 @@ def alive(pid: int) -> bool:
         return False
 
 
+_PDEATHSIG = 1  # linux/prctl.h
+_libc = ctypes.CDLL(None)
+
+
+def start_process(
+    words: Sequence[Any], preexec_fn: Callable[[], None] = lambda: None, **options: Any
+) -> subprocess.Popen[Any]:
+    """Start a process that is killed when the thread that starts it ends, however that ends (on Linux)."""
+
+    def first() -> None:
+        if sys.platform == "linux":
+            _libc.prctl(_PDEATHSIG, signal.SIGKILL, 0, 0, 0)
+        preexec_fn()
+
+    return subprocess.Popen([*map(str, words)], preexec_fn=first, **options)
+
+
 class Program:
     """One of the project's programs, its output on file."""
 
@@ -38,8 +57,8 @@ class Program:
         self.folder = folder
         self.out, self.err = folder / f"{module}.out", folder / f"{module}.err"
         with self.out.open("wb") as out, self.err.open("wb") as err:
-            self.process = subprocess.Popen(
-                [sys.executable, "-X", "faulthandler", "-m", module, *map(str, arguments)],
+            self.process = start_process(
+                [sys.executable, "-X", "faulthandler", "-m", module, *arguments],
                 cwd=folder, **{"stdin": subprocess.DEVNULL, "stdout": out, "stderr": err, **options},
             )  # fmt: skip
 
@@ -124,16 +143,16 @@ class Program:
 @pytest.fixture
 def start(tmp_path):
     """`start("fcu", "--instance", 3)`: a program that is gone when the test is over."""
-    started: list[Program] = []
+    programs: list[Program] = []
 
     def program(module: str, *arguments: Any, **options: Any) -> Program:
-        folder = tmp_path / f"{len(started)}-{module}"
+        folder = tmp_path / f"{len(programs)}-{module}"
         folder.mkdir()
-        started.append(Program(folder, module, *arguments, **options))
-        return started[-1]
+        programs.append(Program(folder, module, *arguments, **options))
+        return programs[-1]
 
     yield program
-    for each in started:
+    for each in programs:
         each.kill()
 
 
@@ -221,7 +240,7 @@ SPIN = "import os, sys; os.sched_setaffinity(0, {int(sys.argv[1])})\nwhile True:
 def busy_neighbours():
     """A process on each core that never rests."""
     cores = os.sched_getaffinity(0)
-    spinning = [subprocess.Popen([sys.executable, "-c", SPIN, str(core)]) for core in cores]
+    spinning = [start_process([sys.executable, "-c", SPIN, core]) for core in cores]
     yield
     for process in spinning:
         process.kill()

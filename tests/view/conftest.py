@@ -15,6 +15,7 @@ import pytest
 from gcs_tools.flight.run import fly
 from gcs_tools.recording.reader import read
 from tests.patience import PATIENCE_S
+from tests.process.conftest import start_process
 
 CHROMIUM = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable")
 # the last: whatever the page or the browser itself would ask of the outside fails
@@ -102,7 +103,7 @@ def serving():
     started = []
 
     def run(*arguments, code=COMMAND):
-        process = subprocess.Popen(
+        process = start_process(
             [sys.executable, "-c", code, "view", "--no-open", *map(str, arguments)],
             stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
             env={**os.environ, "PYTHONWARNINGS": "error"},

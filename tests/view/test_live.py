@@ -14,7 +14,7 @@ from gcs_tools.pictures.history import FlightHistory
 from gcs_tools.pictures.view.app import App, free_port
 from gcs_tools.recording.schema import TICK_TOPICS, TOPICS, TRUTH, WIND
 from gcs_tools.recording.table import Table
-from tests.process.conftest import claimed_instance
+from tests.process.conftest import claimed_instance, start_process
 from tests.view.pictures import node, told
 
 
@@ -95,7 +95,7 @@ def test_a_law_without_a_reference_model_has_no_chart_of_it(app, recording, look
 def replayed(recording):
     """The instance as which a recording is put onto Zenoh as soon as somebody listens."""
     with claimed_instance() as instance:
-        process = subprocess.Popen(
+        process = start_process(
             [sys.executable, "-m", "gcs_tools", "replay", str(recording.path), "--wait",
              "--instance", str(instance)],
             stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True,

@@ -59,7 +59,7 @@ def text_of(path: Path, most: int = MOST_BYTES, source: str | None = None) -> st
 
     source : the file as messages name it, if not by its path.
     """
-    source = source or str(path)
+    source = source or input_file.plain(str(path))
     try:
         return input_file.text(path, most)
     except OSError as error:
@@ -82,5 +82,5 @@ def read(path: Path, most: int = MOST_BYTES, source: str | None = None) -> TomlF
 
     source : the file as messages name it, if not by its path.
     """
-    source = source or str(path)
+    source = source or input_file.plain(str(path))
     return parsed(text_of(path, most, source), source)

@@ -24,7 +24,7 @@ class Part:
 
         mode : its permissions. None: those of the file that it replaces, or those of a new file.
         """
-        if mode is None and self.target.exists():
+        if mode is None and self.target.exists() and not self.target.is_symlink():
             mode = self.target.stat().st_mode & 0o777
         if mode is not None:
             os.chmod(self.path, mode)
@@ -60,11 +60,14 @@ def part(path: Path, follow: bool = True) -> Iterator[Part]:
 def write(path: Path, data: bytes, follow: bool = True) -> None:
     """Put bytes at `path`. On a full disk what was there before stays, and nothing else.
 
-    follow : as for `part`. Raises OSError, which names the file.
+    follow : as for `part`. A pipe or a device, which cannot be replaced, is written to. Otherwise nothing but a
+        file is written.
+
+    Raises OSError, which names the file.
     """
     try:
-        if path.exists() and not path.is_file():
-            path.write_bytes(data)  # a device cannot be replaced
+        if follow and path.exists() and not path.is_file():
+            path.write_bytes(data)
             return
         with part(path, follow) as new:
             new.file.write(data)
