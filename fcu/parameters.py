@@ -568,9 +568,9 @@ class Parameters:
         return guard is not None and guard.policy != WARN and guard.promises == 0.0
 
     def foresee(self, module: Any = None, settings: Any = None) -> None:
-        """Work out what is left without each of the rotors: too much to do while the vehicle waits for it.
+        """Work out what is left without each of the rotors, so that a flight need not wait for it.
 
-        module, settings : as for `of_what_is_left`; by default those of the law.
+        module, settings : as for `of_what_is_left`. By default those of the law.
         """
         module, settings = module or self._module, settings or self._chosen
         for rotor in range(1, settings.law.rotors.n + 1):

@@ -79,7 +79,7 @@ def hovers(
 
     lost : numbers of rotors, from 1.  T_hover : total thrust of hover, N.  even : with loads as even as
     they can be. Else that of the greatest thrust.  level : without torque about yaw. Else with any.
-    counts : whether a hover of a greatest total thrust (N) is wanted; if not, it may be left out.
+    counts : whether a hover of a greatest total thrust (N) is wanted. Others may be left out.
     """
     x, y, spin, c_T, Omega_max = (
         np.array(row) for row in (rotors.x, rotors.y, rotors.spin, rotors.c_T, rotors.Omega_max)
@@ -126,7 +126,7 @@ def best_hover(
         return best is None or rank(T_max, Yaw.HELD, math.inf) > of(best)
 
     def search(even: bool, level: bool = True) -> Shared | None:
-        """The best hover so far; of several that are alike the first."""
+        """Return the best hover so far, and of several that are alike the first."""
         nonlocal best
         for each in hovers(rotors, lost, T_hover, even, level, counts):
             if (level or each.T_max >= T_hover) and (best is None or of(each) > of(best)):

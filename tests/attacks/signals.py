@@ -234,7 +234,7 @@ def _has_script(trial: Trial) -> bool:
 
 
 def _how(trial: Trial) -> str:
-    """What hop.py flies."""
+    """Return the behaviour of hop.py."""
     return "plans" if trial.phase == "plan" else "well"
 
 
