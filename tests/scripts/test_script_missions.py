@@ -43,7 +43,7 @@ def test_a_script_flies_and_its_output_is_kept(fly):
     assert found.script.messages >= 4  # a heartbeat, arming, take-off, landing
     assert found.values["flight.pace"].value == "speed:8"
     log = Path(found.folder) / "script.log"
-    assert log.read_text().split() == ["armed", "up", "landed"]
+    assert log.read_text().split() == ["armed", "up", "landing", "landed"]
     assert [each.name for each in found.expectations][:1] == ["ended"]
     assert {each.name: each.passed for each in found.expectations}["script"] is True
 
