@@ -9,6 +9,7 @@ of a machine share one copy, of which they read what they pass.
 from __future__ import annotations
 
 import json
+import mmap
 import zipfile
 from functools import lru_cache
 from pathlib import Path
@@ -82,7 +83,7 @@ def _mapped(path: Path, _written: int) -> Packed:
         raise FieldError(f"{path}: {error.strerror or error}") from error
     except KeyError as error:
         raise FieldError(f"{path}: damaged (axes.npz lacks {error}): pack it again") from error
-    except (ValueError, EOFError, RecursionError, zipfile.BadZipFile) as error:
+    except (ValueError, EOFError, RecursionError, MemoryError, zipfile.BadZipFile) as error:
         raise FieldError(f"{path}: damaged ({error}): pack it again") from error
     return Packed(field, about)
 
@@ -113,6 +114,9 @@ def _component(path: Path, name: str, axes: dict[str, Any]) -> Component:
         raise ValueError(
             f"{name}.npy has values that are not finite, or beyond {FASTEST_M_S:g} m/s"
         )
+    if values.size > LOOKED_AT and hasattr(mmap, "MADV_RANDOM"):
+        # a vehicle passes few of the pages: those about them would be read, and kept, for nothing
+        values._mmap.madvise(mmap.MADV_RANDOM)
     x, y, z = places
     return component_on(x, y, z, values)
 
