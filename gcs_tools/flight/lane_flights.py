@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -182,16 +183,16 @@ def seen_late(lanes, own, k):
             lanes.measured[i, lane] = lanes.past[max(k - own.delay[lane], 0) % ring, i, lane]
 
 
-@kernel
+@partial(kernel, inlined=False)
 def blow(lanes, k, dt):
     """Put the air of tick k into the parameters of each lane."""
     of = lanes.air
     for lane in range(lanes.params.shape[1]):
         each = Air(
             of.samples[lane], of.gusts[lane], of.constants[lane], of.memory[lane],
-            of.normals[lane], of.at_hubs[lane], of.field,
+            of.normals[lane], of.hubs[lane], of.at_hubs[lane], of.field,
         )  # fmt: skip
-        air.blow(each, lanes.params[:, lane], lanes.state[:, lane], k, dt)
+        air.compose(each, lanes.params[:, lane], lanes.state[:, lane], k, dt)
 
 
 @kernel
@@ -284,6 +285,7 @@ def beside(airs: Sequence[Air]) -> Air:
         constants=np.array([each.constants for each in airs]),
         memory=np.array([each.memory for each in airs]),
         normals=np.array([each.normals for each in airs]),
+        hubs=np.array([each.hubs for each in airs]),
         at_hubs=np.array([each.at_hubs for each in airs]),
         field=airs[0].field,
     )

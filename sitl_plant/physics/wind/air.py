@@ -93,6 +93,7 @@ class Air(NamedTuple):
         Buffer  # float64[von_karman.STATES + 1]: states of turbulence, and 1 once they are drawn
     )
     normals: Buffer  # float64[NORMALS], of the tick
+    hubs: Buffer  # float64[8, 3]: place of each hub in the field, m
     at_hubs: Buffer  # float64[8, 3]: velocity of the air at each hub, m/s, E
     field: Field
 
@@ -118,6 +119,7 @@ def still_air() -> Air:
         constants=np.zeros(size(Constants)),
         memory=np.zeros(von_karman.STATES + 1),
         normals=np.zeros(NORMALS),
+        hubs=np.zeros((8, 3)),
         at_hubs=np.zeros((8, 3)),
         field=field.no_field(),
     )
@@ -160,9 +162,9 @@ def turbulent(memory, normals, of, height, v_mean, v_vehicle, dt, tick):
     return Vec3(c * g.x - s * g.y, s * g.x + c * g.y, g.z)
 
 
-@partial(kernel, inlined=False)
-def blow(air, params, state, tick, dt):
-    """Put the air of a tick into `params`.
+@kernel
+def compose(air, params, state, tick, dt):
+    """Put the air of a tick into `params`, inlined: the arguments of a call cost as much as a layer.
 
     params : float64[size(PlantParams)], of which steady wind, rotation, inflow, ground and wall are written.
     state : float64[size(VehicleState)].  dt : s, from tick to tick.
@@ -189,7 +191,7 @@ def blow(air, params, state, tick, dt):
     if body.is_on == 1.0:
         k, f = field.time_in(air.field.t, body.start + t, body.repeats == 1.0)
         v_field, rotation = disk.meet(
-            air.field, airframe, body.origin, body.scale, now.r_E, R_EB, k, f, air.at_hubs
+            air.field, airframe, body.origin, body.scale, now.r_E, R_EB, k, f, air.hubs, air.at_hubs
         )
         v = v + v_field
         params[ROTATION], params[ROTATION + 1] = rotation.x, rotation.y
@@ -232,3 +234,19 @@ def _stand(of, constants, params, r_E, R_EB, airframe):
     ):
         wall = WALL_HIT
     params[WALL] = wall
+
+
+@partial(kernel, inlined=False)
+def _called(air, params, state, tick, dt):
+    """`compose` as a call, which is compiled once."""
+    compose(air, params, state, tick, dt)
+
+
+@kernel
+def blow(air, params, state, tick, dt):
+    """Put the air of a tick into `params`.  Arguments as for `compose`.
+
+    A vehicle that no layer is asked for does not pay for the call.
+    """
+    if air.constants[0] != 0.0 or air.samples.shape[0] > 0:
+        _called(air, params, state, tick, dt)

@@ -65,17 +65,23 @@ def hub(airframe, i):
 
 
 @kernel
-def meet(of, airframe, origin, scale, r_E, R_EB, k, f, at_hubs):
+def meet(of, airframe, origin, scale, r_E, R_EB, k, f, hubs, at_hubs):
     """Velocity (m/s, E) and rotation (rad/s, B) of the air about a vehicle.
 
     of : Field.  origin : of the mission, in the field (m).  scale : of its velocities.
-    k, f : as of `field.time_in`.  at_hubs : float64[8, 3], to be filled: velocity at each hub, m/s, E.
+    k, f : as of `field.time_in`.  hubs, at_hubs : float64[8, 3], to be filled: place of each hub
+    in the field (m), and velocity of the air there, m/s, E.
     """
+    for i in range(8):
+        arm, _ = hub(airframe, i)
+        at = origin + r_E + rotate(R_EB, arm)
+        hubs[i, 0], hubs[i, 1], hubs[i, 2] = at.x, at.y, at.z
+    field.sample_all(of, hubs, 8, k, f, at_hubs)
     mean, middle, n = Vec3(0.0, 0.0, 0.0), Vec3(0.0, 0.0, 0.0), 0
     for i in range(8):
         arm, c_T = hub(airframe, i)
         if c_T > 0.0:
-            v = scale * field.velocity(of, origin + r_E + rotate(R_EB, arm), k, f)
+            v = scale * Vec3(at_hubs[i, 0], at_hubs[i, 1], at_hubs[i, 2])
             at_hubs[i, 0], at_hubs[i, 1], at_hubs[i, 2] = v.x, v.y, v.z
             mean, middle, n = mean + v, middle + arm, n + 1
     mean, middle = mean / float(n), middle / float(n)

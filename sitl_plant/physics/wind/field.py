@@ -115,39 +115,41 @@ def _place(axis, per_m, at):
 
 
 @kernel
-def _along(row, i, j, f):
-    """Between two neighbours of a row."""
-    a = np.float64(row[i])
-    return a + f * (np.float64(row[j]) - a)
+def _between(a, b, f):
+    return a + f * (b - a)
 
 
 @kernel
-def _in_plane(plane, y, y1, fy, x, x1, fx):
-    """Between four neighbours of a plane."""
-    a = _along(plane[y], x, x1, fx)
-    return a + fy * (_along(plane[y1], x, x1, fx) - a)
+def _corner(v, k, f, z, y, x):
+    """The value of a corner of a cell between the times k and k + 1."""
+    a = np.float64(v[k, z, y, x])
+    return a if f == 0.0 else _between(a, np.float64(v[k + 1, z, y, x]), f)
 
 
 @kernel
-def _in_space(values, z, z1, fz, y, y1, fy, x, x1, fx):
-    """Between eight neighbours of one time."""
-    a = _in_plane(values[z], y, y1, fy, x, x1, fx)
-    return a + fz * (_in_plane(values[z1], y, y1, fy, x, x1, fx) - a)
+def sample(of, places, n, k, f, out, column):
+    """Write one component (m/s) at n places to a column of `out`.
 
-
-@kernel
-def component(of, r, k, f):
-    """One component (m/s) at a position r (m) between the times k and k + 1, `f` of the way."""
-    x, fx = _place(of.x, of.per_m.x, r.x)
-    y, fy = _place(of.y, of.per_m.y, r.y)
-    z, fz = _place(of.z, of.per_m.z, r.z)
-    x1, y1, z1 = (
-        min(x + 1, of.x.shape[0] - 1), min(y + 1, of.y.shape[0] - 1), min(z + 1, of.z.shape[0] - 1),
-    )  # fmt: skip
-    a = _in_space(of.v[k], z, z1, fz, y, y1, fy, x, x1, fx)
-    if f == 0.0:
-        return a
-    return a + f * (_in_space(of.v[k + 1], z, z1, fz, y, y1, fy, x, x1, fx) - a)
+    of : Component.  places : float64[n, 3], m.  k, f : as of `time_in`.  out : float64[n, columns].
+    The corners of a cell are read once where places that follow one another lie in it.
+    """
+    x_last, y_last, z_last = of.x.shape[0] - 1, of.y.shape[0] - 1, of.z.shape[0] - 1
+    i, j, n_z = -1, -1, -1
+    a, b, c, d, e, g, h, m = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    for at in range(n):
+        x, fx = _place(of.x, of.per_m.x, places[at, 0])
+        y, fy = _place(of.y, of.per_m.y, places[at, 1])
+        z, fz = _place(of.z, of.per_m.z, places[at, 2])
+        if x != i or y != j or z != n_z:
+            i, j, n_z = x, y, z
+            x1, y1, z1 = min(x + 1, x_last), min(y + 1, y_last), min(z + 1, z_last)
+            a, b = _corner(of.v, k, f, z, y, x), _corner(of.v, k, f, z, y, x1)
+            c, d = _corner(of.v, k, f, z, y1, x), _corner(of.v, k, f, z, y1, x1)
+            e, g = _corner(of.v, k, f, z1, y, x), _corner(of.v, k, f, z1, y, x1)
+            h, m = _corner(of.v, k, f, z1, y1, x), _corner(of.v, k, f, z1, y1, x1)
+        low = _between(_between(a, b, fx), _between(c, d, fx), fy)
+        high = _between(_between(e, g, fx), _between(h, m, fx), fy)
+        out[at, column] = _between(low, high, fz)
 
 
 @kernel
@@ -166,11 +168,11 @@ def time_in(axis, t, repeats):
 
 
 @kernel
-def velocity(field, r, k, f):
-    """Velocity of the air (m/s) at a position (m, of the field) and a time as of `time_in`."""
-    return Vec3(
-        component(field.u, r, k, f), component(field.v, r, k, f), component(field.w, r, k, f)
-    )
+def sample_all(field, places, n, k, f, out):
+    """Write the velocity of the air (m/s) at n places (m, of the field) to `out`.  Arguments as for `sample`."""
+    sample(field.u, places, n, k, f, out, 0)
+    sample(field.v, places, n, k, f, out, 1)
+    sample(field.w, places, n, k, f, out, 2)
 
 
 @kernel
