@@ -128,6 +128,7 @@ def test_a_single_mission_that_the_guard_refuses_leaves_nothing(tmp_path: Path) 
     assert not (tmp_path / "runs").exists()
 
 
+@pytest.mark.slow
 def test_a_mission_that_the_guard_refuses_does_not_keep_others_from_flying(tmp_path: Path) -> None:
     flown, refused = fly_missions(
         ["gust_step", "paper_fast"], settings=[REFUSE, "flight.duration_s=0.5"], in_process=True,
