@@ -239,10 +239,10 @@ def _rests(flight: Flight) -> bool:
 
 
 def _away(flight: Flight, made: Found, place: Place) -> None:
-    """Go to a place by DO_REPOSITION, as fast as it is granted, and come to rest there."""
+    """Go to a place by DO_REPOSITION, as fast as it is granted."""
     _granted(flight, partial(flight.reposition, *place))
     flight.go(2.0)
-    flight.go_until(lambda: _rests(flight), 90.0)
+    flight.go_until(lambda: math.dist(flight.truth["at"], place) < NEAR_M, 90.0)
     for name, value in made["limits"].items():
         flight.set(name, value)
 
@@ -293,8 +293,8 @@ def _reposition(flight: Flight, by: random.Random, made: Found, policy: str) -> 
         place = (by.uniform(-35.0, 35.0), by.uniform(-35.0, 35.0), -by.uniform(5.0, 25.0))
         _granted(flight, partial(flight.reposition, *place))
         flight.go(by.choice((2.0, 4.0)))
-    flight.go_until(lambda: _rests(flight), 60.0)
-    flight.go(8.0)
+    flight.go_until(lambda: math.dist(flight.truth["at"], place) < NEAR_M, 90.0)
+    flight.go(4.0)
     return place
 
 
@@ -305,6 +305,8 @@ def _granted(flight: Flight, ask: Callable[[], int]) -> None:
     for k in range(HALVES):
         if ask() == 0:
             return
+        if k == 0:
+            flight.command_mode("hold")  # slower from here on
         for name, value in limits.items():
             flight.set(name, max(value * 0.6**k, 0.5))
         flight.go(0.2)
@@ -325,12 +327,14 @@ def _orbit(flight: Flight, by: random.Random, made: Found, policy: str) -> None:
     most = flight_limit(made, "MPC_ACC_HOR")
     speed = by.uniform(0.5, 1.0) * math.sqrt(most * radius)
     _rush(flight, by)
-    for k in range(HALVES):
-        part = speed if k == 0 else min(speed, math.sqrt(MOST_M_S2 * radius)) * 0.6 ** (k - 1)
-        if flight.command(ORBIT, turns * radius, part, 0.0, 0.0, nan, nan, nan) == 0:
-            break
-    else:
-        raise AssertionError(f"denied: {flight.texts[-2:]}")
+    parts = iter(
+        [speed, *(min(speed, math.sqrt(MOST_M_S2 * radius)) * 0.6**k for k in range(HALVES))]
+    )
+
+    def ask() -> int:
+        return flight.command(ORBIT, turns * radius, next(parts), 0.0, 0.0, nan, nan, nan)
+
+    _granted(flight, ask)
     flight.go(20.0)
     flight.command_mode("hold")
     flight.go(6.0)
