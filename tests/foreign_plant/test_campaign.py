@@ -81,6 +81,7 @@ def test_a_flight_by_a_copy_is_to_the_bit_one_by_a_process_of_its_own(tmp_path: 
     made = campaign.drawn(35, BELIEFS) | {"drag": 0.15, "mass_kg": 8.0}
     assert (made["airframe"], made["mode"]) == ("s1000", "hold")
     made |= {"wind": "against-thrust", "wind_m_s": 12.0, "wind_rate_m_s2": 20.0}
+    made |= {"vertical": False, "slope_deg": 0.0}
     [found] = campaign.fly_all([("govern", made)], program, 1)
     assert campaign.kept(found), found
     assert 0.0 < found["touchdown_m_s"] < 2.0
