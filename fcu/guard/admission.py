@@ -27,7 +27,7 @@ from fcu.laws.setpoint import carried
 Buffer = np.ndarray[Any, np.dtype[np.float64]]
 Way = Sequence[tuple[Setpoint, float]]
 
-LOOKS = 500  # at a way's last setpoint, and at most at any other
+LOOKS = 1000  # at a way's last setpoint, and at most at any other
 HALVINGS = 10
 LATE = 0.25  # part of a look, its last
 FADED = 2.0  # time constants of the reference model, in which what was off it has faded

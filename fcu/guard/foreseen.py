@@ -70,6 +70,16 @@ def hurry(law):
 
 
 @kernel
+def followed(law, turned, flown, a):
+    """An acceleration a (m/s^2, E) behind the lag of attitude, and behind that of the rates, a step later.
+
+    turned, flown : the same a step before. The step may be longer than the lags.
+    """
+    turned = a + math.exp(-law.h * law.c_angle.y) * (turned - a)
+    return turned, turned + math.exp(-law.h * law.c_rate.y) * (flown - turned)
+
+
+@kernel
 def advanced(law, a_d, r, v, w, a):
     """Where the vehicle is a step later: r, v, w, a (m, m/s, m/s^2, m/s^2, E).
 
@@ -77,21 +87,26 @@ def advanced(law, a_d, r, v, w, a):
     (to w), and that of the rates, 1/c_q. A reference model too fast for them demands more than it
     would without.
     """
-    h = law.h
-    of_attitude, of_rates = h * law.c_angle.y, h * law.c_rate.y
-    w = (w + of_attitude * a_d) / (1.0 + of_attitude)
-    a = (a + of_rates * w) / (1.0 + of_rates)
-    v = v + h * a
-    return r + h * v, v, w, a
+    flown = a
+    w, a = followed(law, w, a, a_d)
+    v = v + (0.5 * law.h) * (flown + a)
+    return r + law.h * v, v, w, a
 
 
 @kernel
 def misjudged(law, off, change):
-    """By how much (m/s^2, E) what is demanded may be off after a change of it (m/s^2, E).
+    """By how much (m/s^2, E) what is demanded may be off after a change (m/s^2, E) of what is flown.
 
-    m_hat may be off by FORGOTTEN when the demand changes; that is learnt with nu_1 = lambda/2.
+    m_hat may be off by FORGOTTEN when that changes; it is learnt with nu_1 = lambda/2. Beside it is what
+    attitude and rates have not followed yet.
     """
-    return off / (1.0 + 0.5 * law.h * law.lambda_v) + margin.FORGOTTEN * change
+    return kept(law) * off + margin.FORGOTTEN * change
+
+
+@kernel
+def kept(law):
+    """What a step of the look ahead leaves of what fades with nu_1, as long as the step may be. Paper (30)."""
+    return math.exp(-0.5 * law.h * law.lambda_v)  # (30)
 
 
 @kernel
@@ -137,8 +152,7 @@ class Pursuit(NamedTuple):
     v: Vec3
     w: Vec3  # m/s^2, E, its acceleration behind the lag of attitude
     a: Vec3  # and behind that of the rates
-    before: Vec3  # m/s^2, E, acceleration demanded at the last step
-    off: Vec3  # m/s^2, E, by how much the demand may be off (`misjudged`)
+    off: Vec3  # m/s^2, E, by how much the demand may be off of what is flown (`misjudged`)
 
 
 class Point(NamedTuple):
@@ -156,7 +170,7 @@ def begun(r_m, v_m, a_m):
     """The Pursuit of a reference model at r_m, v_m, a_m (m, m/s, m/s^2, E), the vehicle on it."""
     zero = Vec3(0.0, 0.0, 0.0)
     return Pursuit(
-        r_m=r_m, v_m=v_m, a_m=a_m, r=r_m, v=v_m, w=a_m, a=a_m, before=a_m, off=zero,
+        r_m=r_m, v_m=v_m, a_m=a_m, r=r_m, v=v_m, w=a_m, a=a_m, off=zero,
     )  # fmt: skip
 
 
@@ -173,13 +187,14 @@ def onward(law, pursuit, setpoint, most, aside):
     change = wrench.turned_to(asked - a_m, up, most * law.h, aside * law.h)
     a_m = a_m + change
     a_d = a_m + closing(law, pursuit.r - r_m, pursuit.v - v_m)
-    off = misjudged(law, pursuit.off, a_d - pursuit.before)
+    off = pursuit.off + margin.FORGOTTEN * (a_d - pursuit.a)
     r, v, w, a = advanced(law, a_d, pursuit.r, pursuit.v, pursuit.w, pursuit.a)
     v_m = v_m + law.h * a_m
     r_m = r_m + law.h * v_m
     point = Point(a_d=a_d, off=off, v=pursuit.v, change=change, unsettled=norm(asked - a_m))
     return point, Pursuit(
-        r_m=r_m, v_m=v_m, a_m=a_m, r=r, v=v, w=w, a=a, before=a_d, off=off,
+        r_m=r_m, v_m=v_m, a_m=a_m, r=r, v=v, w=w, a=a,
+        off=misjudged(law, pursuit.off, a - pursuit.a),
     )  # fmt: skip
 
 

@@ -186,7 +186,7 @@ def governed(params, law, known, state, reference, setpoint, r, v, psi, T):
         a = state.a_m + wrench.turned_to(change, up, most, aside)
         closing = -2.0 * f_m * zeta_m * (v - v_m) - f_m * f_m * (r - r_m)
         # beta grows with each change of a_m: room for it is made within the jerk, or it feeds itself
-        a = inside(known, v_m, state.beta, a, closing)
+        a = inside(known, v_m, margin.left(state), a, closing)
         a = state.a_m + wrench.turned_to(a - state.a_m, up, most, aside)
         a_g = inside(known, v_m, 0.0, a, closing)
     limited = (norm(a_g - plain) > 1e-6) & (setpoint.level < 0.5)

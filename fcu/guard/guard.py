@@ -50,6 +50,8 @@ def take_over(params, law, setpoint, measured):
     """
     state = GuardState(
         a_m=Vec3(0.0, 0.0, 0.0),
+        unturned=0.0,
+        unflown=0.0,
         beta=margin.beta_1(params, law, measured.v_E),
         psi_g=euler(matrix(measured.q_EB)).z,
         psi_g_dot=measured.w_B.z,
@@ -62,9 +64,12 @@ def take_over(params, law, setpoint, measured):
 @kernel
 def before(state, params, law, law_state, setpoint, measured):
     """The Governed of a tick in flight, from the last states of guard and law."""
+    unturned, unflown, beta = margin.faded(law, state)
     now = GuardState(
         a_m=state.a_m,
-        beta=margin.faded(law, state.beta),
+        unturned=unturned,
+        unflown=unflown,
+        beta=beta,
         psi_g=state.psi_g,
         psi_g_dot=state.psi_g_dot,
         signs=state.signs,
@@ -98,7 +103,9 @@ def after(governed, params, law, law_state, outputs, internals, measured):
     )
     next_state = GuardState(
         a_m=select3(below_position, Vec3(0.0, 0.0, 0.0), governed.a_m),
-        beta=state.beta + select(below_position, 0.0, changed),
+        unturned=state.unturned + select(below_position, 0.0, changed),
+        unflown=state.unflown,
+        beta=state.beta,
         psi_g=select(below_position, outputs.angles.z, yaw),
         psi_g_dot=select(below_position, measured.w_B.z, setpoint.psi_dot_c),
         signs=signs,
@@ -106,7 +113,7 @@ def after(governed, params, law, law_state, outputs, internals, measured):
     margins = Margin(
         force=margin.distance(known, T_0),
         tilt=margin.tilt_left(law.limits.phi_star, T_0),
-        condition=margin.condition(known, a_d, v_m, state.beta),
+        condition=margin.condition(known, a_d, v_m, margin.left(state)),
     )
     return next_state, GuardInternals(
         r_g=setpoint.r_c,
@@ -121,6 +128,8 @@ def idle(measured):
     """(GuardState, GuardInternals) while the law does not fly."""
     state = GuardState(
         a_m=Vec3(0.0, 0.0, 0.0),
+        unturned=0.0,
+        unflown=0.0,
         beta=0.0,
         psi_g=euler(matrix(measured.q_EB)).z,
         psi_g_dot=measured.w_B.z,

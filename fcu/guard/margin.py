@@ -68,7 +68,7 @@ def known(params, law):
     """What is known of actuators, air and vehicle; with it the bound beta_2 gamma^(-1/2).
 
     The control difference m z is bounded by LASTS/sqrt(gamma) times the rate of drag,
-    2 c (|v| + w_max) (w_dot_max + g/2), beside what fades (beta). Paper (30).
+    2 c (|v| + w_max) (w_dot_max + g/2), beside what fades (`left`). Paper (30).
     """
     per_rate = LASTS / math.sqrt(law.gamma)
     per_speed = 2.0 * params.c_D * (params.w_dot_max + 0.5 * law.g)
@@ -141,7 +141,7 @@ def difference(known, speed):
 def allowance(known, v, beta):
     """Radius (N) of what is not known of the demand at velocity v (m/s, E).
 
-    beta : what is left of the control difference of take-over and of changes, N.
+    beta : what is left of the control difference of take-over and of changes (`left`), N.
     """
     speed, w_max = norm(v), known.w_max
     drag = known.c_D * (speed + w_max) * (w_max + 0.5 * speed)
@@ -214,10 +214,41 @@ def beta_1(params, law, v):
 @kernel
 def doubt(params, a):
     """Control difference (N) of a change a (m/s^2, E) of what is demanded: m_hat may be off."""
-    return PEAK * FORGOTTEN * params.m_max * norm(a)
+    return FORGOTTEN * params.m_max * norm(a)
 
 
 @kernel
-def faded(law, beta):
-    """`beta` (N) a tick later: it decays with nu_1 = lambda/2. Paper (30)."""
-    return beta / (1.0 + 0.5 * law.h * law.lambda_v)  # (30)
+def left(state):
+    """What is left (N) of the control difference of take-over and of the reference's changes.
+
+    m z = (1 - m/m_hat) (T_0 - T_a) - m (v_til' + lambda v_til): of the demand that attitude and rates have
+    not followed yet m_hat may be off, whatever is learnt. What is flown is learnt with nu_1 (beta).
+
+    state : GuardState, or what has its `unturned`, `unflown` and `beta`.
+    """
+    return state.unturned + state.unflown + state.beta
+
+
+@kernel
+def passed_on(state, kept_angle, kept_rate, kept):
+    """(unturned, unflown, beta), N, a step later: from the first to the second to the third.
+
+    state : as of `left`.  kept_angle, kept_rate, kept : what a step leaves of each.
+    """
+    unflown = state.unflown + (1.0 - kept_angle) * state.unturned
+    beta = state.beta + PEAK * (1.0 - kept_rate) * unflown
+    return kept_angle * state.unturned, kept_rate * unflown, kept * beta
+
+
+@kernel
+def faded(law, state):
+    """(unturned, unflown, beta), N, of a state (as of `left`) a tick later.
+
+    beta decays with nu_1 = lambda/2. Paper (30). With an m_hat that is low a demand changes by less than it
+    should, and attitude and rates take longer to follow what it should be: by 1 + FORGOTTEN.
+    """
+    slow = law.h / (1.0 + FORGOTTEN)
+    return passed_on(
+        state, 1.0 / (1.0 + slow * law.c_angle.y), 1.0 / (1.0 + slow * law.c_rate.y),
+        1.0 / (1.0 + 0.5 * law.h * law.lambda_v),
+    )  # (30)  # fmt: skip

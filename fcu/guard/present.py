@@ -12,7 +12,7 @@ import math
 from typing import NamedTuple
 
 from fcu.guard import margin, wrench
-from fcu.guard.foreseen import closing
+from fcu.guard.foreseen import closing, followed, kept
 from fcu.kernel.algebra import Vec3, clip, dot, maximum, minimum, norm, select
 from fcu.kernel.compile import kernel
 from fcu.kernel.rotations import euler, matrix, wrap
@@ -33,7 +33,9 @@ class Present(NamedTuple):
     v: Vec3  # its velocity, m/s, E
     up: Vec3  # its thrust axis, E
     psi: float  # its yaw, rad
-    beta: float  # control difference left of take-over and of the reference's changes, N
+    unturned: float  # control difference left of the reference's changes, N, as of GuardState
+    unflown: float
+    beta: float  # and of take-over
     told: float  # 1 if all this is known
 
 
@@ -53,13 +55,15 @@ class Since(NamedTuple):
     e: Vec3  # tracking error that there was, as it dies out, m, E
     e_dot: Vec3  # m/s, E
     a_d: Vec3  # acceleration demanded at the last step, m/s^2, E
-    light: Vec3  # changes of it, each times the least m_hat, that are not learnt yet, N, E
-    heavy: Vec3  # times the greatest
-    plain: Vec3  # times 1, m/s^2, E
+    turned: Vec3  # the same behind the lag of attitude
+    flown: Vec3  # and behind that of the rates
+    unlearnt: Vec3  # of changes of that, what m_hat has not learnt yet, m/s^2, E
     gain: float  # L1 norm of `foreseen.closed`, up to now
     x: float  # its response to an impulse of z: position (s), and velocity
     x_dot: float
-    beta: float  # N
+    unturned: float  # N, left of what the Present has
+    unflown: float
+    beta: float
 
 
 @kernel
@@ -77,6 +81,8 @@ def seen(law, law_state, guard_state, measured):
         v=measured.v_E,
         up=law_state.memory.e3,
         psi=euler(matrix(measured.q_EB)).z,
+        unturned=guard_state.unturned,
+        unflown=guard_state.unflown,
         beta=guard_state.beta,
         told=select(f_c.z > 0.0, law.achieved, 0.0),
     )
@@ -104,8 +110,9 @@ def begun(law, present, r_m, a_m):
     e, damping = present.r - r_m, 2.0 * law.f_m * law.zeta_m
     e_dot = (a_m - present.a_d - (law.f_m * law.f_m) * e) / damping
     return Since(
-        t=0.0, e=e, e_dot=e_dot, a_d=present.a_d, light=zero, heavy=zero, plain=zero,
-        gain=0.0, x=0.0, x_dot=1.0, beta=present.beta,
+        t=0.0, e=e, e_dot=e_dot, a_d=present.a_d, turned=present.a_d, flown=present.a_d, unlearnt=zero,
+        gain=0.0, x=0.0, x_dot=1.0,
+        unturned=present.unturned, unflown=present.unflown, beta=present.beta,
     )  # fmt: skip
 
 
@@ -114,8 +121,11 @@ def gone_on(law, since, a_m):
     """The Since a step later, where the reference accelerates with a_m (m/s^2, E)."""
     h = law.h
     a_d = a_m + closing(law, since.e, since.e_dot)
-    change = a_d - since.a_d
-    left = 1.0 / (1.0 + 0.5 * h * law.lambda_v)
+    turned, flown = followed(law, since.turned, since.flown, a_d)
+    slow = h / (1.0 + margin.FORGOTTEN)
+    unturned, unflown, beta = margin.passed_on(
+        since, math.exp(-slow * law.c_angle.y), math.exp(-slow * law.c_rate.y), kept(law)
+    )
     e_dot = since.e_dot + h * closing(law, since.e, since.e_dot)
     x_dot = since.x_dot + h * closing(law, since.x, since.x_dot)
     return Since(
@@ -123,29 +133,31 @@ def gone_on(law, since, a_m):
         e=since.e + h * e_dot,
         e_dot=e_dot,
         a_d=a_d,
-        light=left * since.light + law.bounds.m_min * change,
-        heavy=left * since.heavy + law.bounds.m_max * change,
-        plain=left * since.plain + change,
+        turned=turned,
+        flown=flown,
+        unlearnt=kept(law) * since.unlearnt + (flown - since.flown),
         gain=since.gain + h * abs(closing(law, since.x, since.x_dot)),
         x=since.x + h * x_dot,
         x_dot=x_dot,
-        beta=left * since.beta,
+        unturned=unturned,
+        unflown=unflown,
+        beta=beta,
     )
 
 
 @kernel
-def least(known, since, more, per_kg, fixed, radius):
+def least(known, bounds, since, more, per_kg, fixed, radius):
     """Least distance (N) of m per_kg + fixed to the limits, less a radius (N), of all masses.
 
-    And of all m_hat that the law may have: what is not learnt yet of the changes of the demand is
-    made with it.
+    And of all m_hat that the law may have (Bounds): what is not flown, or not learnt yet, of the changes
+    of the demand is made with it.
     """
-    worst = math.inf
+    worst, changed = math.inf, more * (since.a_d - since.flown + since.unlearnt)
     for heavy in (0.0, 1.0):
         m = known.m_min + heavy * (known.m_max - known.m_min)
         T = m * per_kg + fixed
-        below = T + more * (since.light - m * since.plain)
-        above = T + more * (since.heavy - m * since.plain)
+        below = T + (bounds.m_min - m) * changed
+        above = T + (bounds.m_max - m) * changed
         top = known.T_top - maximum(norm(below), norm(above))
         inside = minimum(margin.distance(known, below), margin.distance(known, above))
         worst = minimum(worst, minimum(inside, top))
@@ -220,10 +232,11 @@ def condition(params, law, known, present, since, v, psi_c, more, adds):
 
     # what is believed, whatever the air does
     p_kg, p = more * since.a_d + g, margin.dragging(known, v_t)
-    R = margin.allowance(known, v_t, since.beta) + forced
+    left = margin.left(since)
+    R = margin.allowance(known, v_t, left) + forced
 
     # from now: the drag there is, of the mass for which it is greatest, and what becomes of it
-    before = margin.difference(known, norm(present.v)) + present.beta
+    before = margin.difference(known, norm(present.v)) + margin.left(present)
     hover = present.a_d + g
     light = norm(present.T_0 - known.m_min * hover)
     heavy = norm(present.T_0 - known.m_max * hover)
@@ -232,7 +245,7 @@ def condition(params, law, known, present, since, v, psi_c, more, adds):
     q_kg = more * (since.a_d - present.a_d)
     centre, radius = drift(known, present, drag, dv, blown, v_t, 0.0)
     q = present.T_0 + centre
-    S = radius + before + lasting + since.beta + forced
+    S = radius + before + lasting + left + forced
     middle = 0.5 * (known.m_min + known.m_max) * q_kg + q
     cosine = dot(middle, present.up) / maximum(norm(middle), 1e-9)
     tilted = math.acos(clip(cosine, -1.0, 1.0)) + math.atan2(S, norm(middle))
@@ -242,7 +255,10 @@ def condition(params, law, known, present, since, v, psi_c, more, adds):
 
     c_kg, c, both = common(p_kg, p, R, q_kg, q, S, known.m_min, known.m_max)
     inside = maximum(
-        maximum(least(known, since, more, p_kg, p, R), least(known, since, more, q_kg, q, S)),
-        least(known, since, more, c_kg, c, both),
+        maximum(
+            least(known, law.bounds, since, more, p_kg, p, R),
+            least(known, law.bounds, since, more, q_kg, q, S),
+        ),
+        least(known, law.bounds, since, more, c_kg, c, both),
     )
     return minimum(inside, margin.steering(known, v_t))

@@ -59,7 +59,9 @@ class GuardState(NamedTuple):
     """What the guard remembers from tick to tick."""
 
     a_m: Vec3  # acceleration of the reference model at the last tick, m/s^2, E
-    beta: float  # control difference left of take-over, and of the reference's changes, N (30)
+    unturned: float  # control difference of its changes that attitude has not followed, N
+    unflown: float  # and that the rates have not
+    beta: float  # control difference left of take-over, and of what is flown, N (30)
     psi_g: float  # yaw that is commanded, rad: the setpoint's, or governed
     psi_g_dot: float  # its rate, rad/s
     signs: Signs

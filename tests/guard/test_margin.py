@@ -8,9 +8,11 @@ from itertools import pairwise
 import numpy as np
 import pytest
 from scipy.integrate import quad
+from scipy.linalg import expm
 from scipy.spatial.transform import Rotation
 
 from fcu.guard import foreseen, margin
+from fcu.guard.types import GuardState
 from fcu.interface.messages import Setpoint
 from fcu.kernel.algebra import Vec3, norm
 from fcu.kernel.buffers import to_buffer
@@ -151,6 +153,73 @@ def test_a_sampled_loop_keeps_the_bound_at_its_ticks_and_what_it_adds_between_th
     assert 0.99 * between < (l1 + h) / bound <= between
 
 
+def behind_lags(rho, lam, c_theta, c_q):
+    """A, B, C of m z over m, with the thrust achieved behind two lags and m_hat = rho m, which stays.
+
+    x: v_til' + lambda v_til, v_til, and by how much attitude and rates lag behind T_0/m.  Inputs: the
+    rate of drag, and that of the acceleration demanded.
+    """
+    gamma, k = lam * lam, 1.0 / rho - 1.0
+    A = np.array(
+        [
+            [0.0, -gamma, 0.0, k * c_q],
+            [1.0, -lam, 0.0, 0.0],
+            [0.0, rho * gamma, -c_theta, 0.0],
+            [0.0, 0.0, c_theta, -c_q],
+        ]
+    )
+    B = np.array([[-1.0, 0.0], [0.0, 0.0], [0.0, rho], [0.0, 0.0]])
+    return A, B, np.array([-1.0, 0.0, 1.0 - 1.0 / rho, 1.0 - 1.0 / rho])
+
+
+@pytest.mark.parametrize("rho", [1.0 / 1.3, 7.0 / 9.0, 1.0, 9.0 / 7.0, 1.3])
+@pytest.mark.parametrize(
+    ("lam", "c_theta", "c_q"), [(31.6, 10.0, 20.0), (44.7, 4.7, 9.8), (60.0, 15.0, 30.0)]
+)
+def test_what_a_wrong_mass_leaves_of_the_references_changes_fades_with_attitude(
+    settings_of, rho, lam, c_theta, c_q
+):
+    """A reference that jerks to and fro, m_hat wrong by up to 30 %: |m z| stays below `margin.left`.
+
+    With nu_1 alone, as if thrust followed at once, it is exceeded.
+    """
+    h, rng = 0.0005, np.random.default_rng(5)
+    settings = settings_of(gamma=lam * lam, c_angle=c_theta, c_rate=c_q, guard_mass_kg=[1.0, 1.0])
+    law, guard = settings.law._replace(h=h), settings.guard._replace(m_max=1.0)
+    A, B, C = behind_lags(rho, lam, c_theta, c_q)
+    step = expm(np.block([[A, B[:, 1:]], [np.zeros((1, 5))]]) * h)
+    x, jerk, worst, at_once, quick = np.zeros(4), 30.0, 0.0, 0.0, 0.0
+    state = GuardState(*[0.0] * len(GuardState._fields))
+    for _ in range(8000):
+        if rng.uniform() < 0.01:
+            jerk = rng.choice([-30.0, 30.0])
+        x = step[:4] @ np.array([*x, jerk])
+        change = Vec3(h * jerk, 0.0, 0.0)
+        unturned, unflown, beta = margin.faded(law, state)
+        unturned += margin.doubt(guard, change)
+        state = state._replace(unturned=unturned, unflown=unflown, beta=beta)
+        quick = quick * math.exp(-0.5 * h * lam) + margin.PEAK * margin.doubt(guard, change)
+        met = abs(C @ x)
+        worst, at_once = max(worst, met / margin.left(state)), max(at_once, met / quick)
+    assert worst <= 1.0
+    assert rho == 1.0 or at_once > 1.2
+
+
+def test_what_the_wind_leaves_behind_the_lags_is_as_much_as_the_readme_tells(settings_of):
+    """The L1 norm of the rate of drag to m z, over LASTS, with an m_hat that stays at an end of the beliefs."""
+    law, h, found = settings_of(prediction="achieved").law, 0.0005, {}
+    lam, c_theta, c_q = law.lambda_v, law.c_angle.y, law.c_rate.y
+    for rho in (7.0 / 9.0, 1.0, 9.0 / 7.0):
+        A, B, C = behind_lags(rho, lam, c_theta, c_q)
+        step, x, l1 = expm(A * h), B[:, 0], 0.0
+        for _ in range(8000):
+            l1, x = l1 + abs(C @ x) * h, step @ x
+        found[rho] = lam * l1 / margin.LASTS
+    assert found[1.0] < 1.0
+    assert found[9.0 / 7.0] == pytest.approx(1.81, abs=0.005)
+    assert found[7.0 / 9.0] == pytest.approx(2.08, abs=0.005)
+
+
 class AtMost:
     """Equal to what is no larger."""
 
@@ -187,7 +256,8 @@ def test_what_is_left_of_the_start_fades_no_faster_than_it_should(settings_of):
     settings = settings_of()
     beta = start = margin.beta_1(settings.guard, settings.law, STILL)
     for _ in range(100):  # 0.2 s
-        beta = margin.faded(settings.law, beta)
+        nothing_new = GuardState(*[0.0] * len(GuardState._fields))
+        *_, beta = margin.faded(settings.law, nothing_new._replace(beta=beta))
     assert beta == pytest.approx(start * math.exp(-0.1 * settings.law.lambda_v), rel=0.06)
     assert beta >= start * math.exp(-0.1 * settings.law.lambda_v)
     late = settings_of(v_hat_offset=[-1.5, -1.5, -1.5])

@@ -38,7 +38,8 @@ def hover(guard, law, m=8.0, **fields):
     """Of a mass that hovers in still air, told in full."""
     told = {
         "T_0": Vec3(0.0, 0.0, m * law.g), "a_d": STILL, "r": STILL, "v": STILL,
-        "up": Vec3(0.0, 0.0, 1.0), "psi": 0.0, "beta": 0.0, "told": 1.0,
+        "up": Vec3(0.0, 0.0, 1.0), "psi": 0.0,
+        "unturned": 0.0, "unflown": 0.0, "beta": 0.0, "told": 1.0,
     }  # fmt: skip
     return present.Present(**{**told, **fields})
 
@@ -121,7 +122,7 @@ def beginning(of):
 def test_the_present_only_ever_admits_more(settings_of, way):
     settings = of_force(settings_of(guard="refuse", guard_wind_rate_m_s2=5.0, f_m=1.0))
     more = 0
-    for far in (1.0, 3.0, 6.0, 9.0):
+    for far in (0.5, 1.0, 3.0, 6.0, 9.0):
         step = [far * x for x in way]
         for T_z in (70.0, 78.5, 85.0):
             now = hover(settings.guard, settings.law, T_0=Vec3(3.0, 0.0, T_z))

@@ -231,7 +231,7 @@ def test_what_is_demanded_now_admits_nothing_that_a_tilt_does_not_steer(settings
     law, guard = settings_of(guard="refuse", c_angle=7.0, c_rate=14.0, f_m=0.4, gamma=2000.0)
     now = present.Present(
         T_0=Vec3(0.0, 0.0, 7.0 * law.g), a_d=STILL, r=STILL, v=STILL, up=Vec3(0.0, 0.0, 1.0), psi=0.0,
-        beta=0.0, told=1.0,
+        unturned=0.0, unflown=0.0, beta=0.0, told=1.0,
     )  # fmt: skip
     since = present.begun(law, now, STILL, STILL)
     known = margin.known(guard, law)

@@ -27,7 +27,8 @@ def plant_steps(n, params_buffer, state_buffer, command_buffer):
 def margin_steps(settings_buffer, remembered_buffer, measured_rows):
     """What a tick adds to tell its margins, for each row of `measured_rows`; returns their sum."""
     settings, remembered = unpack_settings(settings_buffer), unpack_remembered(remembered_buffer)
-    guard, a_m, beta = settings.guard, remembered.guard.a_m, remembered.guard.beta
+    guard, a_m = settings.guard, remembered.guard.a_m
+    beta = margin.left(remembered.guard)
     phi_star, seen = settings.law.limits.phi_star, 0.0
     for i in range(len(measured_rows)):
         v = _unpack_measured(measured_rows[i]).v_E
