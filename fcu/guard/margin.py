@@ -248,7 +248,6 @@ def faded(law, state):
     should, and attitude and rates take longer to follow what it should be: by 1 + FORGOTTEN.
     """
     slow = law.h / (1.0 + FORGOTTEN)
-    return passed_on(
-        state, 1.0 / (1.0 + slow * law.c_angle.y), 1.0 / (1.0 + slow * law.c_rate.y),
-        1.0 / (1.0 + 0.5 * law.h * law.lambda_v),
-    )  # (30)  # fmt: skip
+    of_attitude = 1.0 / (1.0 + slow * law.c_angle.y)
+    of_rates = 1.0 / (1.0 + slow * law.c_rate.y)
+    return passed_on(state, of_attitude, of_rates, 1.0 / (1.0 + 0.5 * law.h * law.lambda_v))  # (30)
