@@ -105,7 +105,7 @@ def misjudged(law, off, change):
 
 @kernel
 def kept(law):
-    """What a step of the look ahead leaves of what fades with nu_1, as long as the step may be. Paper (30)."""
+    """The part that a step of the look ahead, however long, leaves of what fades with nu_1. Paper (30)."""
     return math.exp(-0.5 * law.h * law.lambda_v)  # (30)
 
 

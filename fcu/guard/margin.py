@@ -219,7 +219,7 @@ def doubt(params, a):
 
 @kernel
 def left(state):
-    """What is left (N) of the control difference of take-over and of the reference's changes.
+    """The control difference (N) left of take-over and of the reference's changes.
 
     m z = (1 - m/m_hat) (T_0 - T_a) - m (v_til' + lambda v_til): of the demand that attitude and rates have
     not followed yet m_hat may be off, whatever is learnt. What is flown is learnt with nu_1 (beta).
