@@ -22,9 +22,9 @@ from sitl_plant.physics.wind.packed_field import opened, save
 
 def met(of, place, k, f):
     """The air at a place, as a vehicle meets it."""
-    out = np.zeros((1, 3))
-    kernels.sample_all(of, np.array([place], dtype=np.float64), 1, k, f, out)
-    return out[0]
+    out = np.zeros((3, 1))
+    kernels.sample_all(of, np.array([place], dtype=np.float64).T.copy(), k, f, out)
+    return out[:, 0]
 
 
 def sheared(times: int = 1) -> Field:

@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 
 from fcu.interface.airframe import read
-from fcu.interface.messages import VehicleState
 from fcu.kernel.algebra import Quat, Rotors, Vec3
 from fcu.kernel.buffers import to_buffer
 from fcu.kernel.rotations import matrix, rotate
@@ -17,7 +16,7 @@ from fcu.kernel.rows import slice_of
 from sitl_plant.physics.parameters import plant_params, start_state
 from sitl_plant.physics.truth import truth
 from sitl_plant.physics.types import PlantParams
-from sitl_plant.physics.wind import air, disk, field
+from sitl_plant.physics.wind import air, disk, field, near
 from sitl_plant.physics.wind.field import Field, component_on, frozen
 from sitl_plant.physics.wind.layers import FieldLayer, Layers, layered
 from sitl_plant.physics.wind.packed_field import FieldError, opened, save
@@ -49,10 +48,10 @@ def linear(t=(0.0,), uneven=False, top=field.NO_TOP) -> Field:
 
 def velocity(of: Field, r, k=0, f=0.0):
     """The air at one place, sampled twice: the second time as of the cell before."""
-    places, out = np.array([r, r], dtype=np.float64), np.zeros((2, 3))
-    field.sample_all(of, places, 2, k, f, out)
-    np.testing.assert_array_equal(*out)
-    return out[0]
+    places, out = np.array([r, r], dtype=np.float64).T.copy(), np.zeros((3, 2))
+    field.sample_all(of, places, k, f, out)
+    np.testing.assert_array_equal(*out.T)
+    return out[:, 0]
 
 
 def true_at(r):
@@ -90,10 +89,10 @@ def test_time_is_interpolated_holds_at_its_end_or_begins_anew():
 
 def test_the_disk_gives_the_mean_velocity_and_the_rotation_of_the_air():
     """Of a field that is linear: its value at the centre, and half its curl about the vertical."""
-    made, hubs = linear(), np.zeros((8, 3))
+    made, at_hubs = linear(), np.zeros((3, 8))
     r = (20.0, 15.0, 11.0)
     mean, w = disk.meet(
-        made, PARAMS.airframe, Vec3(0.0, 0.0, 0.0), 1.0, Vec3(*r), matrix(start_state(PARAMS).q_EB), 0, 0.0, np.zeros((8, 3)), hubs
+        made, PARAMS.airframe, Vec3(0.0, 0.0, 0.0), 1.0, Vec3(*r), matrix(start_state(PARAMS).q_EB), 0, 0.0, np.zeros((near.ROWS, 8)), at_hubs
     )  # fmt: skip
     np.testing.assert_allclose(mean, true_at(r), atol=1e-5)
     assert w.z == pytest.approx(0.5 * (RATE[1, 0] - RATE[0, 1]), abs=1e-5)
@@ -124,11 +123,33 @@ def test_the_motion_of_the_air_is_found_by_rotors_that_stand_unevenly():
         matrix(q),
         0,
         0.0,
-        np.zeros((8, 3)),
-        np.zeros((8, 3)),
+        np.zeros((near.ROWS, 8)),
+        np.zeros((3, 8)),
     )
     np.testing.assert_allclose(mean, [1.0, 2.0, 3.0], atol=1e-5)
     np.testing.assert_allclose(rotate(matrix(q), found), w, atol=1e-5)
+
+
+@pytest.mark.parametrize("cells_m", [(2.0, 2.0, 2.0), (0.9, 4.0, 3.0), (0.3, 0.3, 0.3)])
+@pytest.mark.parametrize("times", [(0.0,), (0.0, 1.0, 2.0)])
+@pytest.mark.parametrize("uneven", [False, True])
+def test_eight_hubs_at_once_meet_what_each_meets_by_itself(cells_m, times, uneven):
+    """The same bits, while cells, times and the edges of the field are passed: with what is kept, and beyond it."""
+    random, parts = np.random.default_rng(7), []
+    for axis in range(3):
+        x, y, z = (cells_m[i] * (np.arange(12) + 0.5 * (i != axis)) for i in range(3))
+        values = random.normal(0.0, 3.0, (len(times), 12, 12, 12))
+        parts.append(component_on(x, y, z**1.1 if uneven else z, np.float32(values)))
+    made = linear(t=times)._replace(u=parts[0], v=parts[1], w=parts[2])
+    kept, out, alone = np.zeros((near.ROWS, 8)), np.zeros((3, 8)), np.zeros((3, 8))
+    far = 12.0 * np.array(cells_m)[:, None]
+    arms = random.uniform(-0.5, 0.5, (3, 8)) * [[1.0], [1.0], [0.2]]
+    for n in range(400):
+        kept[near.HUBS : near.HUBS + 3] = far * (n / 360.0 - 0.05) + arms + random.normal(0.0, 0.1)
+        k, f = field.time_in(made.t, n / 190.0, False)
+        near.meet(made, kept, k, f, out)
+        field.sample_all(made, kept[near.HUBS : near.HUBS + 3], k, f, alone)
+        np.testing.assert_array_equal(out, alone)
 
 
 def met(made: Field, tmp_path: Path, r, **layer):
@@ -201,10 +222,6 @@ def test_a_packed_field_that_is_damaged_is_an_error(tmp_path, harm):
     path.write_bytes(path.read_bytes()[: path.stat().st_size // 2])
     with pytest.raises(FieldError):
         opened(tmp_path / "f")
-
-
-def test_the_state_has_the_columns_that_the_air_reads():
-    assert slice_of(VehicleState, "Omega").stop == air._OMEGA + 8
 
 
 @pytest.mark.parametrize(

@@ -16,6 +16,7 @@ from fcu.interface.messages import VehicleState
 from fcu.kernel.algebra import Rotors, Vec3
 from fcu.kernel.buffers import size, unpacker
 from fcu.kernel.compile import kernel
+from fcu.kernel.groups import ROTORS
 from fcu.kernel.rotations import matrix
 from fcu.kernel.rows import column_of, slice_of
 from sitl_plant.physics.types import PlantParams
@@ -26,6 +27,7 @@ from sitl_plant.physics.wind import (
     field,
     gusts,
     low_altitude,
+    near,
     shear,
     von_karman,
 )
@@ -40,7 +42,7 @@ WALL_CLEAR, WALL_HIT, WALL_LEFT = 0.0, 1.0, 2.0  # `ground.wall`: nothing, a bui
 
 
 class Shear(NamedTuple):
-    """How the steady wind grows with height."""
+    """How the steady wind grows with hgroups."""
 
     kind: float  # as of `shear`
     reference: float  # m
@@ -93,8 +95,8 @@ class Air(NamedTuple):
         Buffer  # float64[von_karman.STATES + 1]: states of turbulence, and 1 once they are drawn
     )
     normals: Buffer  # float64[NORMALS], of the tick
-    hubs: Buffer  # float64[8, 3]: place of each hub in the field, m
-    at_hubs: Buffer  # float64[8, 3]: velocity of the air at each hub, m/s, E
+    hubs: Buffer  # float64[near.ROWS, 8]: places of the hubs, and what is kept of the field about them
+    at_hubs: Buffer  # float64[3, 8]: velocity of the air at each hub, m/s, E
     field: Field
 
 
@@ -108,7 +110,6 @@ _airframe_of = unpacker(PlantParams, "airframe")
 _state_of = unpacker(VehicleState)
 NO_TOP = 0.5 * field.NO_TOP  # below: no height is known
 _DRAWN = von_karman.STATES  # of `memory`
-_OMEGA = slice_of(VehicleState, "Omega").start
 
 
 def still_air() -> Air:
@@ -119,8 +120,8 @@ def still_air() -> Air:
         constants=np.zeros(size(Constants)),
         memory=np.zeros(von_karman.STATES + 1),
         normals=np.zeros(NORMALS),
-        hubs=np.zeros((8, 3)),
-        at_hubs=np.zeros((8, 3)),
+        hubs=np.zeros((near.ROWS, ROTORS)),
+        at_hubs=np.zeros((3, ROTORS)),
         field=field.no_field(),
     )
 
@@ -203,19 +204,12 @@ def compose(air, params, state, tick, dt):
         v = v + turbulent(air.memory, air.normals, of.turbulence, height, mean, now.v_E, dt, tick)
     if body.is_on == 1.0 and body.inflow == 1.0:
         others = v - v_field  # without the field, the same at all hubs
-        for i in range(8):
-            air.at_hubs[i, 0] += others.x
-            air.at_hubs[i, 1] += others.y
-            air.at_hubs[i, 2] += others.z
-            params[INFLOW + i] = disk.thrust_factor(
-                airframe,
-                i,
-                state[_OMEGA + i] * body.induced[i],
-                air.at_hubs,
-                now.v_E,
-                now.w_B,
-                R_EB,
-            )
+        disk.change_thrust(
+            airframe, body.induced, now.Omega, air.at_hubs, others, now.v_E, now.w_B, R_EB,
+            air.hubs, near.SCRATCH * ROTORS,
+        )  # fmt: skip
+        for i in range(ROTORS):
+            params[INFLOW + i] = air.hubs[near.SCRATCH, i]
     params[STEADY], params[STEADY + 1], params[STEADY + 2] = v.x, v.y, v.z
 
 

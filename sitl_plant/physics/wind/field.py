@@ -127,19 +127,19 @@ def _corner(v, k, f, z, y, x):
 
 
 @kernel
-def sample(of, places, n, k, f, out, column):
-    """Write one component (m/s) at n places to a column of `out`.
+def sample(of, places, k, f, out):
+    """Write one component (m/s) at n places to `out`.
 
-    of : Component.  places : float64[n, 3], m.  k, f : as of `time_in`.  out : float64[n, columns].
+    of : Component.  places : float64[3, n], m.  k, f : as of `time_in`.  out : float64[n].
     The corners of a cell are read once where places that follow one another lie in it.
     """
     x_last, y_last, z_last = of.x.shape[0] - 1, of.y.shape[0] - 1, of.z.shape[0] - 1
     i, j, n_z = -1, -1, -1
     a, b, c, d, e, g, h, m = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
-    for at in range(n):
-        x, fx = _place(of.x, of.per_m.x, places[at, 0])
-        y, fy = _place(of.y, of.per_m.y, places[at, 1])
-        z, fz = _place(of.z, of.per_m.z, places[at, 2])
+    for at in range(places.shape[1]):
+        x, fx = _place(of.x, of.per_m.x, places[0, at])
+        y, fy = _place(of.y, of.per_m.y, places[1, at])
+        z, fz = _place(of.z, of.per_m.z, places[2, at])
         if x != i or y != j or z != n_z:
             i, j, n_z = x, y, z
             x1, y1, z1 = min(x + 1, x_last), min(y + 1, y_last), min(z + 1, z_last)
@@ -149,7 +149,7 @@ def sample(of, places, n, k, f, out, column):
             h, m = _corner(of.v, k, f, z1, y1, x), _corner(of.v, k, f, z1, y1, x1)
         low = _between(_between(a, b, fx), _between(c, d, fx), fy)
         high = _between(_between(e, g, fx), _between(h, m, fx), fy)
-        out[at, column] = _between(low, high, fz)
+        out[at] = _between(low, high, fz)
 
 
 @kernel
@@ -168,11 +168,11 @@ def time_in(axis, t, repeats):
 
 
 @kernel
-def sample_all(field, places, n, k, f, out):
-    """Write the velocity of the air (m/s) at n places (m, of the field) to `out`.  Arguments as for `sample`."""
-    sample(field.u, places, n, k, f, out, 0)
-    sample(field.v, places, n, k, f, out, 1)
-    sample(field.w, places, n, k, f, out, 2)
+def sample_all(field, places, k, f, out):
+    """Write the velocity of the air (m/s) at n places of the field to `out`, float64[3, n].  Arguments as for `sample`."""
+    sample(field.u, places, k, f, out[0])
+    sample(field.v, places, k, f, out[1])
+    sample(field.w, places, k, f, out[2])
 
 
 @kernel
