@@ -133,7 +133,7 @@ def prepared(
             mission = with_airframe(mission, airframe)
         for given in once(params, "--param"):  # first: a setting may expect what they bring about
             mission = with_parameter(mission, given)
-        for setting in once(settings):
+        for setting in once(settings, params=params):
             mission = override(mission, setting)
         if seed is not None:
             mission = override(mission, f"flight.seed={seed}", "--seed")

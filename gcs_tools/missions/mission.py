@@ -265,18 +265,35 @@ def as_toml(given: Mapping[str, Any], said: str) -> str:
     return "\n".join(lines) + "\n"
 
 
-def once(settings: Iterable[str], option: str = "--set") -> list[str]:
-    """Settings of the form KEY=VALUE, each of another key. Raises MissionError for a key that is given twice."""
+def once(
+    settings: Iterable[str], option: str = "--set", params: Iterable[str] = ()
+) -> list[str]:  # fmt: skip
+    """Settings of the form KEY=VALUE, each of another key. Raises MissionError for a key that is given twice.
+
+    A table and a key in it are the same key twice, since the table replaces all of its keys.
+    params : NAME=VALUE each, parameters of the vehicle that are set beside them (--param).
+    """
+    given = [(f"vehicle.params.{_key(each)}", f"--param {shortened(each)}") for each in params]
+    given += ((_key(each), shortened(each)) for each in settings)
     found: dict[str, str] = {}
-    for setting in settings:
-        key = setting.partition("=")[0].strip()
-        if key in found:
-            both = f"{shortened(found[key])} and {shortened(setting)}"
-            raise MissionError(
-                f"{option} {shortened(key)}: given twice, as {both}: expected it once"
-            )
-        found[key] = setting
-    return list(found.values())
+    for key, said in given:
+        for other, before in found.items():
+            if key == other:
+                both = f"given twice, as {before} and {said}: expected it once"
+                raise MissionError(f"{option} {shortened(key)}: {both}")
+            if f"{key}.".startswith(f"{other}.") or f"{other}.".startswith(f"{key}."):
+                table = shortened(min(key, other, key=len))
+                both = f"given twice, as {before} and {said}"
+                raise MissionError(
+                    f"{option} {table}: {both}: expected the table {table} or keys of it, not both"
+                )
+        found[key] = said
+    return list(settings)
+
+
+def _key(setting: str) -> str:
+    """The key of KEY=VALUE."""
+    return setting.partition("=")[0].strip()
 
 
 def override(mission: Mission, setting: str, option: str = "--set") -> Mission:
@@ -306,7 +323,10 @@ def parsed_setting(setting: str, option: str = "--set") -> tuple[str, Any, str]:
     """Key, value and written value of TABLE.KEY=VALUE. Raises MissionError."""
     key, equals, written = (part.strip() for part in setting.partition("="))
     if not equals or not re.fullmatch(r"[\w-]+(\.[\w-]+)*", key) or not written:
-        raise MissionError(f"{option} {setting}: expected TABLE.KEY=VALUE")
+        wrong = ""
+        if equals and written and (odd := re.search(r"[^\w.-]", key)):
+            wrong = f", a key of letters, digits, _ and -, got {odd[0]!r} in it"
+        raise MissionError(f"{option} {plain(shortened(setting))}: expected TABLE.KEY=VALUE{wrong}")
     try:
         value = input_file.toml(f"value = {written}")["value"]
     except TomlError as error:

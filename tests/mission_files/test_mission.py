@@ -285,6 +285,37 @@ def test_a_key_that_is_set_twice_is_refused(given):
             load("gust_step", settings)
 
 
+STEADY, WIND = "wind.steady_m_s=[1.0,0.0,0.0]", "wind={steady_m_s=[2.0,0.0,0.0]}"
+
+
+@pytest.mark.parametrize(
+    ("settings", "params", "why"),
+    [
+        ([STEADY, WIND], [], "--set wind: given twice"),
+        ([WIND, STEADY], [], "--set wind: given twice"),
+        (["vehicle.params.CA_FAILURE_MODE=0"], ["CA_FAILURE_MODE=1"], "CA_FAILURE_MODE: given twice"),
+        (["vehicle.params={GF_ACTION=5}"], ["CA_FAILURE_MODE=1"], "--set vehicle.params: given twice"),
+        (["vehicle={params={GF_ACTION=5}}"], ["CA_FAILURE_MODE=1"], "--set vehicle: given twice"),
+    ],
+)  # fmt: skip
+def test_a_key_that_is_set_twice_by_other_words_is_refused(settings, params, why):
+    with pytest.raises(UsageError) as error:
+        prepared("gust_step", settings, params=params)
+    assert why in str(error.value)
+
+
+def test_keys_whose_names_begin_alike_are_two():
+    chosen, _ = prepared("gust_step", ["law.guard=warn", "law.guard_wind_m_s=11.0"])
+    assert chosen.values_in_force()["law.guard_wind_m_s"].value == 11.0
+
+
+def test_a_key_with_a_line_feed_is_told_on_one_line():
+    with pytest.raises(UsageError) as error:
+        prepared("gust_step", ["law.gu\nard=1"])
+    assert str(error.value).startswith("--set law.gu\\nard=1: expected TABLE.KEY=VALUE, a key of")
+    assert "\n" not in str(error.value)
+
+
 @pytest.mark.parametrize(
     "given",
     [
