@@ -27,7 +27,7 @@ from fcu.guard.parameters import GOVERN, WARN
 from fcu.guard.types import GuardParams
 from fcu.interface.airframe import AirframeFile
 from fcu.interface.files import toml_file, whole_file
-from fcu.interface.files.spelling import suggestion
+from fcu.interface.files.spelling import closest
 from fcu.interface.files.toml_file import FileError
 from fcu.interface.parameter import Parameter, ParameterError, Part, default, group
 from fcu.interface.status_texts import ROOM
@@ -327,11 +327,17 @@ def chosen(
 
 def _unknown(name: str, table: Mapping[str, Entry], flown: Law) -> str:
     """Why there is no such parameter of the vehicle, and which was meant."""
-    for row in flown.settings.PARAMETERS:
-        if name in (part.name for part in row.parts):
-            key = f"[law] {row.key} (--set law.{row.key}=)" if row.key else "the airframe's file"
-            return f"a parameter of the law: set {key}"
-    return f"no such parameter{suggestion(name.upper(), table)}"
+    of_law = {
+        part.name: f"[law] {row.key} (--set law.{row.key}=)" if row.key else "the airframe's file"
+        for row in flown.settings.PARAMETERS
+        for part in row.parts
+    }
+    if name in of_law:
+        return f"a parameter of the law: set {of_law[name]}"
+    meant = closest(name.upper(), [*table, *of_law])
+    if meant in of_law:
+        return f"no such parameter (did you mean {meant}? It is of the law: set {of_law[meant]})"
+    return f"no such parameter{'' if meant is None else f' (did you mean {meant}?)'}"
 
 
 def parsed(written: Iterable[str]) -> dict[str, float]:
@@ -340,9 +346,12 @@ def parsed(written: Iterable[str]) -> dict[str, float]:
     for text in written:
         name, _, value = (part.strip() for part in text.partition("="))
         try:
-            found[name] = float(value)
+            number = float(value)
         except ValueError:
             raise GivenError(name, f"expected NAME=VALUE with a number, got {text}") from None
+        if name in found:
+            raise GivenError(name, "given twice: expected it once")
+        found[name] = number
     return found
 
 

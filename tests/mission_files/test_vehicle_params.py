@@ -66,6 +66,7 @@ def test_values_are_in_force_with_the_origin_of_each(write):
         ("NAV_DLL_ACT = 4", ("x.toml:6:", "expected one of 0, 1, 2, 3, 5, 6, got 4")),
         ("COM_OF_LOSS_T = 99", ("x.toml:6:", "expected 0.1 to 60 s, got 99")),
         ("MAV_SYS_ID = 2", ("x.toml:6:", "read only")),
+        ("MR_GURAD = 0", ("x.toml:6:", "did you mean MR_GUARD? It is of the law: set [law] guard (--set law.guard=)")),
         ("MR_F_M = 2", ("x.toml:6:", "a parameter of the law: set [law] f_m (--set law.f_m=)")),
         ("COM_DL_LOSS_T = 5.7", ("x.toml:6:", "COM_DL_LOSS_T: expected a whole number, got 5.7")),
         ("BAT_CRIT_THR = 0.2", ("x.toml:6:", "BAT_CRIT_THR", "below BAT_LOW_THR, 0.15")),
@@ -270,3 +271,12 @@ def test_a_ground_link_is_lost_by_a_mission_of_setpoints_alone(write):
         MissionError, match=r"faults\[0\]: ground_lost needs a mission of setpoints"
     ):
         scenario(load(write(text + lost)))
+
+
+def test_the_flight_controller_takes_a_parameter_once():
+    assert parsed(["NAV_DLL_ACT=1", "COM_OF_LOSS_T=2"]) == {
+        "NAV_DLL_ACT": 1.0,
+        "COM_OF_LOSS_T": 2.0,
+    }
+    with pytest.raises(GivenError, match="given twice"):
+        parsed(["NAV_DLL_ACT=1", "NAV_DLL_ACT = 2"])
