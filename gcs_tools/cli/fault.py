@@ -8,6 +8,7 @@ import time
 import click
 
 from fcu.interface.faults import LINK, SPECS, Kind
+from fcu.interface.files.spelling import suggestion
 from fcu.interface.options import Number, WholeNumber
 from fcu.interface.ports import ports
 from gcs_tools.cli import arguments
@@ -18,11 +19,19 @@ CLEAR = "clear"
 GIVEN = [name for name, spec in SPECS.items() if spec.kind not in {*LINK, Kind.GROUND_LOST}]
 
 
+def _known(_context: click.Context, _option: click.Parameter, name: str | None) -> str | None:
+    """A callback: a fault that there is. Raises BadParameter."""
+    if name is None or name in (*GIVEN, CLEAR):
+        return name
+    meant = suggestion(name, [*GIVEN, CLEAR])
+    raise click.BadParameter(f"{name!r}: no such fault{meant}. The list: gcs fault")
+
+
 @click.command(
     epilog="Exit codes: 0 the simulator has done it, 2 invalid command line,\n"
     "3 no vehicle ready or no reply within --timeout, or rejected: the reason is told."
 )
-@click.argument("name", required=False, type=click.Choice([*GIVEN, CLEAR]))
+@click.argument("name", required=False, metavar="[NAME]", callback=_known)
 @click.option(
     "--rotor", type=WholeNumber(1, 8), help="Of motor_... and clear; default: all rotors."
 )
@@ -50,7 +59,7 @@ def fault(
     _check(name, rotor, much, for_s)
     if name is None:
         for each in choices():
-            much_told = f" --much {each.much:g} ({each.range})" if each.what else ""
+            much_told = f"; --much {each.much:g} ({each.range})" if each.what else ""
             click.echo(f"{each.name:15}{each.says}{much_told}")
         click.echo(f"{CLEAR:15}every fault ends, or with --rotor those of one rotor")
         return

@@ -31,6 +31,7 @@ def test_every_fault_but_those_of_the_link_can_be_given_by_hand():
         (("motor_weak", "--for", "nan"), "--for nan"),
         (("clear", "--for", "2"), "clear takes neither"),
         (("state_off", "--rotor", "1"), "state_off is of no rotor"),
+        (("motor_of",), "'motor_of': no such fault (did you mean motor_off?)"),
     ],
 )
 def test_what_would_be_done_as_something_else_is_refused(words, why):
