@@ -56,7 +56,7 @@ from gcs_tools.missions.flight_table import Flight
 from gcs_tools.missions.items import FOLDER, Numbered, Plan
 from gcs_tools.missions.items import lands as ends_on_ground
 from sitl_plant.physics.wind.layers import FieldLayer, Layers
-from sitl_plant.physics.wind.packed_field import FieldError, opened
+from sitl_plant.physics.wind.packed_field import FieldError, is_packed, opened
 
 Rows = np.ndarray[Any, np.dtype[np.float64]]
 
@@ -316,6 +316,9 @@ class Wind(Table):
                 raise because(("file",), str(error)) from None
         if self.field is not None and folder is not None:
             self._field = (folder / self.field.file).absolute()
+            if self._field.is_dir() and not is_packed(self._field):
+                why = f"{self._field}: a folder, but no packed field (gcs wind pack makes one)"
+                raise because(("field", "file"), why)
             try:
                 opened(self._field)
             except FieldError as error:

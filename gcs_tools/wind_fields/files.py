@@ -13,12 +13,15 @@ from sitl_plant.physics.wind.packed_field import FieldError
 
 KNOWN = "PALM (NetCDF), QES-Winds (NetCDF-4), uDALES (NetCDF), RotorS text, VTK (legacy, .vtu, .vti), CSV"
 MOST_MIB = 2048  # of a text
+NO_FIELD = "a folder, but no packed field (gcs wind pack makes one)"
 
 
 @np.errstate(all="ignore")  # `packable` checks values, and tells of them in words
 def read(path: Path) -> Grid:
     """A field as a file has it. Raises FieldError."""
     source = str(path)
+    if path.is_dir():
+        raise wrong(source, NO_FIELD)
     try:
         if netcdf.is_netcdf(path):
             contents = netcdf.read(path)

@@ -125,6 +125,7 @@ def test_a_building_in_the_way_ends_a_flight_and_so_does_the_end_of_a_field(tmp_
         ('shear = "log"\nroughness_m = 10.0\n', "roughness_m: expected less than shear_height_m"),
         ("gusts = [{ at_s = 1.0, velocity_m_s = [1.0, 0.0, 0.0], rise_s = 0.0 }]\n", "rise_s"),
         ('field = { file = "nowhere" }\n', "expected a packed field"),
+        ('field = { file = "." }\n', "a folder, but no packed field (gcs wind pack makes one)"),
     ],
 )  # fmt: skip
 def test_what_is_no_wind_is_refused(tmp_path, wind, said):
