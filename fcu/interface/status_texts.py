@@ -53,6 +53,7 @@ class Code(Enum):
     LOSS_LANDS = "the rest cannot fly on, landing"
     LOSS_FALLS = "the rest cannot hold it level"
     GUARD_VOID = "The guard promises nothing without a rotor"
+    GUARD_BACK = "The guard promises again: no rotor is lost"
     ROTOR_BACK = "Rotor {:.0f} takes its share again"
     ROTOR_IS_LOST = "rotor {:.0f} is lost"
     BELIEFS_CONTRADICTED = "Assumptions of the guard contradicted"

@@ -444,8 +444,7 @@ class Commands:
         lost = order.type == failures.Type.OFF
         if lost and order.for_s > 0.0:
             return []
-        said = [self._vehicle.tell_rotor(rotor, lost) for rotor in rotors]
-        return [told for told in said if told is not None]
+        return [told for rotor in rotors for told in self._vehicle.tell_rotor(rotor, lost)]
 
     def _deafen(self, order: failures.Order, t_us: int) -> Verdict:
         """Stop hearing sticks or ground stations, or hear them again. Who hears no station needs an end."""

@@ -553,7 +553,7 @@ class StateMachine:
         """How many rotors the airframe has."""
         return int(self._params["CA_ROTOR_COUNT"])
 
-    def tell_rotor(self, rotor: int, lost: bool) -> Told | None:
+    def tell_rotor(self, rotor: int, lost: bool) -> list[Told]:
         """Note that a rotor was stopped by an order, or turns again. Returns what is to be said of it.
 
         rotor : from 1. A rotor that is stopped is told as lost at the next tick.
@@ -563,14 +563,19 @@ class StateMachine:
         if self.watch[told]:
             self.watch[_LOOK] = 0.0  # at once
         if lost or not self.watch[at]:
-            return None
+            return []
         self.watch[at] = 0.0
+        was_void = self._params.is_void
         self._fate = self._share()
         if not self.lost_rotors:
             self.is_gone(Condition.ROTOR_LOST)
         elif Condition.ROTOR_LOST in self._active:
             self._active[Condition.ROTOR_LOST] = self._loss_action(self._fate)
-        return Told(Code.ROTOR_BACK, (rotor,))
+        promises_again = was_void and self._params.is_promised
+        return [
+            Told(Code.ROTOR_BACK, (rotor,)),
+            *([Told(Code.GUARD_BACK)] if promises_again else []),
+        ]
 
     def _share(self) -> Fate | None:
         """Have the law give no work to what is lost. Returns what the vehicle can do. None: as before."""

@@ -459,7 +459,8 @@ def test_told_the_law_gives_it_no_work_and_flies_on(vehicle, params):
     assert [getattr(params.guard, n) for n in of] == [getattr(whole.guard, n) for n in of]
     params.set("MR_F_M", 1.5, True)
     assert (params.law.f_m, params.law.rotors.w[2]) == (1.5, 0.0), "a parameter keeps the loss"
-    assert vehicle.tell_rotor(3, lost=False) == Told(Code.ROTOR_BACK, (3,))
+    back = vehicle.tell_rotor(3, lost=False)
+    assert back == [Told(Code.ROTOR_BACK, (3,)), Told(Code.GUARD_BACK)]
     assert params.law.rotors == whole.law.rotors
     assert params.is_promised
     assert vehicle.lost_rotors == ()
@@ -504,7 +505,9 @@ def test_a_share_that_is_asked_for_after_the_loss_is_acted_on(vehicle, params):
 def test_a_rotor_that_turns_again_takes_its_action_back(vehicle, params):
     order(vehicle, 1, 3)
     assert vehicle.mode is Mode.LAND
-    assert order(vehicle, 3, t_us=LOSS_US + 10 * LOOK_US, lost=False) == []
+    back = vehicle.tell_rotor(3, lost=False)
+    assert back == [Told(Code.ROTOR_BACK, (3,))], "another is lost: the guard promises nothing"
+    assert order(vehicle, t_us=LOSS_US + 10 * LOOK_US) == []
     assert vehicle.mode is Mode.LAND, "it goes on until another mode is chosen"
     assert vehicle.select(Mode.HOLD, LOSS_US + 20 * LOOK_US, 0.0).granted
     # a milder action than Land is the most severe that is called for now
