@@ -9,12 +9,14 @@ from __future__ import annotations
 
 import re
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
 from fcu.interface.files import input_file
 from gcs_tools.wind_fields import netcdf
 from gcs_tools.wind_fields.grid import (
+    METRES,
     METRES_A_SECOND,
     SECONDS,
     Array,
@@ -23,7 +25,7 @@ from gcs_tools.wind_fields.grid import (
     check_units,
     wrong,
 )
-from gcs_tools.wind_fields.netcdf import Contents
+from gcs_tools.wind_fields.netcdf import Contents, Variable
 
 DIMENSIONS = {
     "u": ("time", "zt", "yt", "xm"), "v": ("time", "zt", "ym", "xt"), "w": ("time", "zm", "yt", "xt"),
@@ -31,7 +33,15 @@ DIMENSIONS = {
 }  # fmt: skip
 AXES = ("xt", "xm", "yt", "ym", "zt", "zm")
 SOLIDS, MOST_MIB = "solid_c.txt", 256
+JOINT = 0.1  # of half a cell, by which cells may overlap or lie apart
 TILE = re.compile(r"(?P<what>\w+)\.(?P<x>\d{3})\.(?P<y>\d{3})\.(?P<experiment>\w+)\.nc")
+
+
+class Tile(NamedTuple):
+    """A file of a dump, read."""
+
+    path: str
+    of: dict[str, Variable]
 
 
 def fits(contents: Contents) -> bool:
@@ -48,51 +58,47 @@ def read(contents: Contents, path: Path) -> Grid:
         raise wrong(
             source, f"{len(tiles)} tiles of {len(x_numbers)} x {len(y_numbers)}: some are missing"
         )
-    first = tiles[x_numbers[0], y_numbers[0]]
-    for name in ("u", "v", "w"):
-        for of in tiles.values():
-            if name not in of.variables or of.variables[name].dimensions != DIMENSIONS[name]:
-                raise wrong(
-                    source, f"expected {name} on {DIMENSIONS[name]} (fieldvars = 'u0,v0,w0,mc')"
-                )
-    lacking = [axis for axis in ("time", *AXES) if axis not in first.variables]
-    if lacking:
-        raise wrong(source, f"{', '.join(lacking)} missing: expected uDALES' field dump")
-    axes = {name: first.variables[name].values.astype(np.float64) for name in AXES}
-    for kind, numbers, fixed in (("x", x_numbers, y_numbers[0]), ("y", y_numbers, x_numbers[0])):
+    for along, numbers in (("x", x_numbers), ("y", y_numbers)):
+        if absent := sorted(set(range(numbers[-1] + 1)) - set(numbers)):
+            raise wrong(source, f"the tiles of number {absent[0]:03d} along {along} are missing")
+    first = tiles[0, 0]
+    for tile in tiles.values():
+        _check(tile)
+    for (x, y), tile in tiles.items():
+        _compare(tile, first, ("time", "zt", "zm"))
+        _compare(tile, tiles[x, 0], ("xt", "xm"))
+        _compare(tile, tiles[0, y], ("yt", "ym"))
+    axes = {name: first.of[name].values.astype(np.float64) for name in AXES}
+    for kind in "xy":
+        row = [tiles[n, 0] for n in x_numbers] if kind == "x" else [tiles[0, n] for n in y_numbers]
+        before: Tile | None = None
+        for tile in row:
+            _check_axis(tile, before, kind)
+            before = tile
         for name in (f"{kind}t", f"{kind}m"):
-            row = [tiles[(n, fixed) if kind == "x" else (fixed, n)] for n in numbers]
-            axes[name] = np.concatenate([of.variables[name].values for of in row]).astype(
-                np.float64
-            )
+            axes[name] = np.concatenate([tile.of[name].values for tile in row]).astype(np.float64)
+    _check_axis(first, None, "z")
 
     def joined(name: str) -> Array:
-        shapes = {of.variables[name].values.shape[:2] for of in tiles.values()}
-        if len(shapes) != 1:
-            raise wrong(source, f"{name} has other times or heights in other tiles")
-        try:
-            rows = [
-                np.concatenate([tiles[x, y].variables[name].values for x in x_numbers], axis=3)
-                for y in y_numbers
-            ]
-            return np.concatenate(rows, axis=2)
-        except ValueError as error:
-            raise wrong(source, f"{name} of its tiles does not fit together: {error}") from error
+        rows = [
+            np.concatenate([tiles[x, y].of[name].values for x in x_numbers], axis=3)
+            for y in y_numbers
+        ]
+        return np.concatenate(rows, axis=2)
 
-    if not first.variables["time"].values.size:
+    if not first.of["time"].values.size:
         raise wrong(source, "it has no times: did the run end before it wrote (tfielddump)?")
     parts = {}
     for name in ("u", "v", "w"):
-        check_units(source, name, first.variables[name].attributes.get("units"), METRES_A_SECOND)
         z, y, x = (axes[axis] for axis in DIMENSIONS[name][1:])
         parts[name] = Part(x, y, z, joined(name).astype(np.float32))
-    check_units(source, "time", first.variables["time"].attributes.get("units"), SECONDS)
-    grid = Grid(source, "uDALES", first.variables["time"].values, parts, staggered=True)
-    if len({part.v.shape for part in parts.values()}) != 1:
-        raise wrong(source, "u, v and w have other shapes: expected as many values of each")
+    grid = Grid(source, "uDALES", first.of["time"].values, parts, staggered=True)
     grid.cells = axes["xt"], axes["yt"], axes["zt"]
-    if all("mask_c" in of.variables for of in tiles.values()):
+    without = [tile for tile in tiles.values() if "mask_c" not in tile.of]
+    if not without:
         grid.solid = joined("mask_c")[-1] == 0
+    elif len(without) < len(tiles):
+        raise wrong(without[0].path, "mask_c is missing, and other tiles have it")
     elif (path.parent / SOLIDS).exists():
         grid.solid = _listed(path.parent / SOLIDS, parts["u"].v.shape[1:])
         grid.notes.append(f"buildings are the cells of {SOLIDS}, which lies beside it")
@@ -105,22 +111,97 @@ def read(contents: Contents, path: Path) -> Grid:
             grid.notes.append(f"no building was found: if there are some, put {SOLIDS} beside it")
     if _close(parts, grid.solid):
         grid.notes.append("wind through walls, and inside buildings, was taken out")
-    grid.notes.append(f"{len(tiles)} tiles were joined" if len(tiles) > 1 else "one tile")
+    for name, part in parts.items():
+        if np.isnan(part.v).any():
+            raise wrong(source, f"{name} has no values at some places outside buildings")
+    count = f"{len(tiles)} tiles were joined" if len(tiles) > 1 else "one tile"
+    grid.notes.append(f"{count}: no file says how many uDALES wrote, so compare the extent")
     grid.notes.append(f"{100.0 * grid.solid.mean():.1f} % of the cells are buildings")
     return grid
 
 
-def _tiles(contents: Contents, path: Path) -> dict[tuple[int, int], Contents]:
+def _check(tile: Tile) -> None:
+    """Raise FieldError for a tile that lacks something, or has it otherwise than uDALES writes it."""
+    lacking = [name for name in ("time", *AXES) if name not in tile.of]
+    if lacking:
+        raise wrong(tile.path, f"{', '.join(lacking)} missing: expected uDALES' field dump")
+    for name, dimensions in DIMENSIONS.items():
+        if name == "mask_c" and name not in tile.of:
+            continue
+        if name not in tile.of or tile.of[name].dimensions != dimensions:
+            raise wrong(tile.path, f"expected {name} on {dimensions} (fieldvars = 'u0,v0,w0,mc')")
+        shape = tile.of[name].values.shape
+        places = tuple(len(tile.of[axis].values) for axis in dimensions)
+        if shape != places:
+            raise wrong(tile.path, f"{name} has {shape} values: its axes have {places}")
+        if name != "mask_c":
+            check_units(tile.path, name, tile.of[name].attributes.get("units"), METRES_A_SECOND)
+        elif not np.isfinite(tile.of[name].values).all():
+            raise wrong(tile.path, "mask_c has values that are not finite: expected 0 in buildings")
+    if len({tile.of[name].values.shape for name in "uvw"}) != 1:
+        raise wrong(tile.path, "u, v and w have other shapes: expected as many values of each")
+    check_units(tile.path, "time", tile.of["time"].attributes.get("units"), SECONDS)
+    for axis in AXES:
+        check_units(tile.path, axis, tile.of[axis].attributes.get("units"), METRES)
+
+
+def _compare(tile: Tile, other: Tile, names: tuple[str, ...]) -> None:
+    """Raise FieldError where a tile has other times or places than its neighbour."""
+    for name in names:
+        here, there = tile.of[name].values, other.of[name].values
+        if not np.array_equal(here, there):
+            raise wrong(
+                tile.path, f"{name} is {_ends(here)}, and {_ends(there)} in {Path(other.path).name}"
+            )
+
+
+def _ends(values: Array) -> str:
+    """The numbers of an axis in short."""
+    if not len(values):
+        return "empty"
+    return f"{len(values)} values from {values[0]:g} to {values[-1]:g}"
+
+
+def _check_axis(tile: Tile, before: Tile | None, kind: str) -> None:
+    """Raise FieldError unless cells begin where the last ends, and have their centres in the middle.
+
+    before : the tile before it along the axis.  kind : x, y or z.
+    """
+    centre, lower = (tile.of[f"{kind}{at}"].values.astype(np.float64) for at in "tm")
+    half = centre - lower
+    if not (half > 0.0).all():
+        raise wrong(tile.path, f"{kind}t ({_ends(centre)}) is not above {kind}m ({_ends(lower)})")
+    ends, begins = (centre + half)[:-1], lower[1:]
+    apart = np.abs(ends - begins) > JOINT * half[1:]
+    if kind != "z" and apart.any():
+        i = int(np.argmax(apart))
+        raise wrong(
+            tile.path,
+            f"{kind}t and {kind}m do not fit: a cell ends at {ends[i]:g} m, the next begins at {begins[i]:g} m",
+        )
+    if kind == "z" and not (centre[:-1] < begins).all():
+        raise wrong(tile.path, "zt and zm do not fit: expected a centre in each cell")
+    if before is not None:
+        t, m = (before.of[f"{kind}{at}"].values.astype(np.float64)[-1] for at in "tm")
+        if abs(2.0 * t - m - lower[0]) > JOINT * half[0]:
+            raise wrong(
+                tile.path,
+                f"it begins at {kind} = {lower[0]:g} m: {Path(before.path).name}, the tile before it, ends at {2.0 * t - m:g} m",
+            )
+
+
+def _tiles(contents: Contents, path: Path) -> dict[tuple[int, int], Tile]:
     """The tiles of a dump by their place. A file whose name says no place is the only one."""
     named = TILE.fullmatch(path.name)
     if named is None:
-        return {(0, 0): contents}
+        return {(0, 0): Tile(str(path), contents.variables)}
     found = {}
     for each in sorted(path.parent.iterdir()):
         other = TILE.fullmatch(each.name)
         if other and other["what"] == named["what"] and other["experiment"] == named["experiment"]:
             place = int(other["x"]), int(other["y"])
-            found[place] = contents if each.name == path.name else netcdf.read(each)
+            read_ = contents if each.name == path.name else netcdf.read(each)
+            found[place] = Tile(str(each), read_.variables)
     return found
 
 

@@ -113,5 +113,69 @@ def test_tiles_of_other_sizes_are_refused(tmp_path):
         for name, dims, values in made:
             places = tuple(slice(3 if d[0] == "y" else None) for d in dims)
             file.createVariable(name, "f", dims)[:] = values[places]
-    with pytest.raises(FieldError, match="u of its tiles does not fit together"):
+    with pytest.raises(FieldError, match=r"001\.000\.007\.nc: yt is 3 values"):
+        read(path)
+
+
+def _shifted(name, by):
+    def change(file):
+        file.variables[name].data[:] += np.float32(by)
+
+    return change
+
+
+def _in_km_h(file):
+    file.variables["u"].units = b"km/h"
+
+
+def _without_numbers(file):
+    file.variables["mask_c"].data[:] = np.nan
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        (_shifted("time", 990.0), "time is 2 values from 1000 to 1010"),
+        (_shifted("zt", 0.5), "zt is 8 values"),
+        (_shifted("ym", 500.0), "ym is 8 values"),
+        (_shifted("xt", 100.0), "xt and xm do not fit"),
+        (_in_km_h, "u is in 'km/h'"),
+        (_without_numbers, "mask_c has values that are not finite"),
+    ],
+)
+def test_a_tile_that_contradicts_the_others_is_refused_by_its_name(tmp_path, change, said):
+    path = dump(tmp_path)
+    other = tmp_path / "fielddump.001.000.007.nc"
+    with netcdf_file(other, "a") as file:
+        change(file)
+    with pytest.raises(FieldError, match=f"{other.name}: {said}"):
+        read(path)
+
+
+def test_a_tile_elsewhere_is_refused(tmp_path):
+    path = dump(tmp_path)
+    with netcdf_file(tmp_path / "fielddump.001.000.007.nc", "a") as file:
+        _shifted("xt", 50.0)(file)
+        _shifted("xm", 50.0)(file)
+    with pytest.raises(FieldError, match=r"begins at x = 58 m: .* ends at 8 m"):
+        read(path)
+
+
+@pytest.mark.parametrize("numbers", [(0, 2), (1, 2)])
+def test_numbers_of_tiles_begin_at_0_and_have_no_gap(tmp_path, numbers):
+    dump(tmp_path)
+    for old, new in ((1, numbers[1]), (0, numbers[0])):
+        at = tmp_path / f"fielddump.{new:03d}.000.007.nc"
+        (tmp_path / f"fielddump.{old:03d}.000.007.nc").rename(at)
+    missing = ({0, 1, 2} - set(numbers)).pop()
+    with pytest.raises(FieldError, match=f"number {missing:03d} along x are missing"):
+        read(at)
+
+
+def test_a_mask_in_one_tile_alone_is_refused(tmp_path):
+    (tmp_path / "masked").mkdir()
+    path = dump(tmp_path, with_mask=False)
+    masked = dump(tmp_path / "masked")
+    path.write_bytes(masked.read_bytes())
+    with pytest.raises(FieldError, match=r"001\.000\.007\.nc: mask_c is missing"):
         read(path)
