@@ -64,10 +64,10 @@ def read(contents: Contents, path: Path) -> Grid:
     first = tiles[0, 0]
     for tile in tiles.values():
         _check(tile)
-    for (x, y), tile in tiles.items():
+    for (i, j), tile in tiles.items():
         _compare(tile, first, ("time", "zt", "zm"))
-        _compare(tile, tiles[x, 0], ("xt", "xm"))
-        _compare(tile, tiles[0, y], ("yt", "ym"))
+        _compare(tile, tiles[i, 0], ("xt", "xm"))
+        _compare(tile, tiles[0, j], ("yt", "ym"))
     axes = {name: first.of[name].values.astype(np.float64) for name in AXES}
     for kind in "xy":
         row = [tiles[n, 0] for n in x_numbers] if kind == "x" else [tiles[0, n] for n in y_numbers]
