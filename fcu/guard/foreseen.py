@@ -10,6 +10,7 @@ import math
 from typing import NamedTuple
 
 from fcu.guard import margin, wrench
+from fcu.guard.margin import Doubted
 from fcu.interface.messages import Setpoint
 from fcu.kernel.algebra import Vec3, maximum, minimum, norm, select
 from fcu.kernel.buffers import unpacker
@@ -70,16 +71,6 @@ def hurry(law):
 
 
 @kernel
-def followed(law, turned, flown, a):
-    """An acceleration a (m/s^2, E) behind the lag of attitude, and behind that of the rates, a step later.
-
-    turned, flown : the same a step before. The step may be longer than the lags.
-    """
-    turned = a + math.exp(-law.h * law.c_angle.y) * (turned - a)
-    return turned, turned + math.exp(-law.h * law.c_rate.y) * (flown - turned)
-
-
-@kernel
 def advanced(law, a_d, r, v, w, a):
     """Where the vehicle is a step later: r, v, w, a (m, m/s, m/s^2, m/s^2, E).
 
@@ -87,26 +78,23 @@ def advanced(law, a_d, r, v, w, a):
     (to w), and that of the rates, 1/c_q. A reference model too fast for them demands more than it
     would without.
     """
-    flown = a
-    w, a = followed(law, w, a, a_d)
-    v = v + (0.5 * law.h) * (flown + a)
+    before = a
+    w = a_d + math.exp(-law.h * law.c_angle.y) * (w - a_d)
+    a = w + math.exp(-law.h * law.c_rate.y) * (a - w)
+    v = v + (0.5 * law.h) * (before + a)
     return r + law.h * v, v, w, a
 
 
 @kernel
-def misjudged(law, off, change):
-    """By how much (m/s^2, E) what is demanded may be off after a change (m/s^2, E) of what is flown.
+def fading(law, doubted, slow, peak):
+    """A Doubted a step of the look ahead later, which may be longer than the lags. Paper (30).
 
-    m_hat may be off by FORGOTTEN when that changes; it is learnt with nu_1 = lambda/2. Beside it is what
-    attitude and rates have not followed yet.
+    slow, peak : 1 - FORGOTTEN and PEAK, as `margin.faded` has them. Each 1 for changes with their signs.
     """
-    return kept(law) * off + margin.FORGOTTEN * change
-
-
-@kernel
-def kept(law):
-    """The part that a step of the look ahead, however long, leaves of what fades with nu_1. Paper (30)."""
-    return math.exp(-0.5 * law.h * law.lambda_v)  # (30)
+    of_attitude = math.exp(-slow * law.h * law.c_angle.y)
+    of_rates = math.exp(-slow * law.h * law.c_rate.y)
+    kept = math.exp(-0.5 * law.h * law.lambda_v)  # (30)
+    return margin.passed_on(doubted, of_attitude, of_rates, kept, peak)
 
 
 @kernel
@@ -152,7 +140,8 @@ class Pursuit(NamedTuple):
     v: Vec3
     w: Vec3  # m/s^2, E, its acceleration behind the lag of attitude
     a: Vec3  # and behind that of the rates
-    off: Vec3  # m/s^2, E, by how much the demand may be off of what is flown (`misjudged`)
+    doubted: Doubted  # m/s^2, E, of changes of what is demanded
+    before: Vec3  # m/s^2, E, acceleration demanded at the last step
 
 
 class Point(NamedTuple):
@@ -170,7 +159,8 @@ def begun(r_m, v_m, a_m):
     """The Pursuit of a reference model at r_m, v_m, a_m (m, m/s, m/s^2, E), the vehicle on it."""
     zero = Vec3(0.0, 0.0, 0.0)
     return Pursuit(
-        r_m=r_m, v_m=v_m, a_m=a_m, r=r_m, v=v_m, w=a_m, a=a_m, off=zero,
+        r_m=r_m, v_m=v_m, a_m=a_m, r=r_m, v=v_m, w=a_m, a=a_m,
+        doubted=Doubted(unturned=zero, unflown=zero, beta=zero), before=a_m,
     )  # fmt: skip
 
 
@@ -187,14 +177,15 @@ def onward(law, pursuit, setpoint, most, aside):
     change = wrench.turned_to(asked - a_m, up, most * law.h, aside * law.h)
     a_m = a_m + change
     a_d = a_m + closing(law, pursuit.r - r_m, pursuit.v - v_m)
-    off = pursuit.off + margin.FORGOTTEN * (a_d - pursuit.a)
+    doubted = margin.changed(pursuit.doubted, a_d - pursuit.before)
+    off = margin.FORGOTTEN * margin.left(doubted)
     r, v, w, a = advanced(law, a_d, pursuit.r, pursuit.v, pursuit.w, pursuit.a)
     v_m = v_m + law.h * a_m
     r_m = r_m + law.h * v_m
     point = Point(a_d=a_d, off=off, v=pursuit.v, change=change, unsettled=norm(asked - a_m))
     return point, Pursuit(
         r_m=r_m, v_m=v_m, a_m=a_m, r=r, v=v, w=w, a=a,
-        off=misjudged(law, pursuit.off, a - pursuit.a),
+        doubted=fading(law, doubted, 1.0, 1.0), before=a_d,
     )  # fmt: skip
 
 

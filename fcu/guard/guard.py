@@ -64,12 +64,12 @@ def take_over(params, law, setpoint, measured):
 @kernel
 def before(state, params, law, law_state, setpoint, measured):
     """The Governed of a tick in flight, from the last states of guard and law."""
-    unturned, unflown, beta = margin.faded(law, state)
+    left = margin.faded(law, state)
     now = GuardState(
         a_m=state.a_m,
-        unturned=unturned,
-        unflown=unflown,
-        beta=beta,
+        unturned=left.unturned,
+        unflown=left.unflown,
+        beta=left.beta,
         psi_g=state.psi_g,
         psi_g_dot=state.psi_g_dot,
         signs=state.signs,
@@ -113,7 +113,7 @@ def after(governed, params, law, law_state, outputs, internals, measured):
     margins = Margin(
         force=margin.distance(known, T_0),
         tilt=margin.tilt_left(law.limits.phi_star, T_0),
-        condition=margin.condition(known, a_d, v_m, margin.left(state)),
+        condition=margin.condition(known, a_d, v_m, margin.left(next_state)),
     )
     return next_state, GuardInternals(
         r_g=setpoint.r_c,

@@ -13,7 +13,7 @@ f_v is the half of the drag that goes with v, the radius all the rest.
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from fcu.kernel.algebra import Vec3, maximum, minimum, norm, select
 from fcu.kernel.compile import kernel
@@ -217,37 +217,52 @@ def doubt(params, a):
     return FORGOTTEN * params.m_max * norm(a)
 
 
+class Doubted(NamedTuple):
+    """What m_hat may be off by of changes that were demanded: numbers, or Vec3s."""
+
+    unturned: Any  # that attitude has not followed
+    unflown: Any  # and that the rates have not
+    beta: Any  # and that is not learnt
+
+
 @kernel
 def left(state):
     """The control difference (N) left of take-over and of the reference's changes.
 
-    m z = (1 - m/m_hat) (T_0 - T_a) - m (v_til' + lambda v_til): of the demand that attitude and rates have
+    m z = (1 - m/m_hat) (T_0 - T_a) + m (v_til' + lambda v_til): of the demand that attitude and rates have
     not followed yet m_hat may be off, whatever is learnt. What is flown is learnt with nu_1 (beta).
 
-    state : GuardState, or what has its `unturned`, `unflown` and `beta`.
+    state : GuardState, or a Doubted.
     """
     return state.unturned + state.unflown + state.beta
 
 
 @kernel
-def passed_on(state, kept_angle, kept_rate, kept):
-    """(unturned, unflown, beta), N, a step later: from the first to the second to the third.
+def changed(state, change):
+    """A Doubted (or what has its parts) of which a change has just been demanded, as a Doubted."""
+    return Doubted(unturned=state.unturned + change, unflown=state.unflown, beta=state.beta)
 
-    state : as of `left`.  kept_angle, kept_rate, kept : what a step leaves of each.
+
+@kernel
+def passed_on(state, kept_angle, kept_rate, kept, peak):
+    """A Doubted a step later: from the first to the second to the third.
+
+    state : as of `left`.  kept_angle, kept_rate, kept : what a step leaves of each.  peak : PEAK, or 1 without.
     """
     unflown = state.unflown + (1.0 - kept_angle) * state.unturned
-    beta = state.beta + PEAK * (1.0 - kept_rate) * unflown
-    return kept_angle * state.unturned, kept_rate * unflown, kept * beta
+    beta = kept * state.beta + (peak * (1.0 - kept_rate)) * unflown
+    return Doubted(unturned=kept_angle * state.unturned, unflown=kept_rate * unflown, beta=beta)
 
 
 @kernel
 def faded(law, state):
-    """(unturned, unflown, beta), N, of a state (as of `left`) a tick later.
+    """The Doubted of a state (as of `left`) a tick later.
 
     beta decays with nu_1 = lambda/2. Paper (30). With an m_hat that is low a demand changes by less than it
-    should, and attitude and rates take longer to follow what it should be: by 1 + FORGOTTEN.
+    should, and attitude and rates take longer to follow what it should be: by 1/(1 - FORGOTTEN).
     """
-    slow = law.h / (1.0 + FORGOTTEN)
+    slow = (1.0 - FORGOTTEN) * law.h
     of_attitude = 1.0 / (1.0 + slow * law.c_angle.y)
     of_rates = 1.0 / (1.0 + slow * law.c_rate.y)
-    return passed_on(state, of_attitude, of_rates, 1.0 / (1.0 + 0.5 * law.h * law.lambda_v))  # (30)
+    kept = 1.0 / (1.0 + 0.5 * law.h * law.lambda_v)  # (30)
+    return passed_on(state, of_attitude, of_rates, kept, PEAK)

@@ -12,7 +12,8 @@ import math
 from typing import NamedTuple
 
 from fcu.guard import margin, wrench
-from fcu.guard.foreseen import closing, followed, kept
+from fcu.guard.foreseen import closing, fading
+from fcu.guard.margin import Doubted
 from fcu.kernel.algebra import Vec3, clip, dot, maximum, minimum, norm, select
 from fcu.kernel.compile import kernel
 from fcu.kernel.rotations import euler, matrix, wrap
@@ -55,15 +56,11 @@ class Since(NamedTuple):
     e: Vec3  # tracking error that there was, as it dies out, m, E
     e_dot: Vec3  # m/s, E
     a_d: Vec3  # acceleration demanded at the last step, m/s^2, E
-    turned: Vec3  # the same behind the lag of attitude
-    flown: Vec3  # and behind that of the rates
-    unlearnt: Vec3  # of changes of that, what m_hat has not learnt yet, m/s^2, E
+    changed: Doubted  # m/s^2, E, of changes of it
     gain: float  # L1 norm of `foreseen.closed`, up to now
     x: float  # its response to an impulse of z: position (s), and velocity
     x_dot: float
-    unturned: float  # N, left of what the Present has
-    unflown: float
-    beta: float
+    left: Doubted  # N, of what the Present has
 
 
 @kernel
@@ -110,9 +107,10 @@ def begun(law, present, r_m, a_m):
     e, damping = present.r - r_m, 2.0 * law.f_m * law.zeta_m
     e_dot = (a_m - present.a_d - (law.f_m * law.f_m) * e) / damping
     return Since(
-        t=0.0, e=e, e_dot=e_dot, a_d=present.a_d, turned=present.a_d, flown=present.a_d, unlearnt=zero,
+        t=0.0, e=e, e_dot=e_dot, a_d=present.a_d,
+        changed=Doubted(unturned=zero, unflown=zero, beta=zero),
         gain=0.0, x=0.0, x_dot=1.0,
-        unturned=present.unturned, unflown=present.unflown, beta=present.beta,
+        left=Doubted(unturned=present.unturned, unflown=present.unflown, beta=present.beta),
     )  # fmt: skip
 
 
@@ -121,11 +119,6 @@ def gone_on(law, since, a_m):
     """The Since a step later, where the reference accelerates with a_m (m/s^2, E)."""
     h = law.h
     a_d = a_m + closing(law, since.e, since.e_dot)
-    turned, flown = followed(law, since.turned, since.flown, a_d)
-    slow = h / (1.0 + margin.FORGOTTEN)
-    unturned, unflown, beta = margin.passed_on(
-        since, math.exp(-slow * law.c_angle.y), math.exp(-slow * law.c_rate.y), kept(law)
-    )
     e_dot = since.e_dot + h * closing(law, since.e, since.e_dot)
     x_dot = since.x_dot + h * closing(law, since.x, since.x_dot)
     return Since(
@@ -133,15 +126,11 @@ def gone_on(law, since, a_m):
         e=since.e + h * e_dot,
         e_dot=e_dot,
         a_d=a_d,
-        turned=turned,
-        flown=flown,
-        unlearnt=kept(law) * since.unlearnt + (flown - since.flown),
+        changed=margin.changed(fading(law, since.changed, 1.0, 1.0), a_d - since.a_d),
         gain=since.gain + h * abs(closing(law, since.x, since.x_dot)),
         x=since.x + h * x_dot,
         x_dot=x_dot,
-        unturned=unturned,
-        unflown=unflown,
-        beta=beta,
+        left=fading(law, since.left, 1.0 - margin.FORGOTTEN, margin.PEAK),
     )
 
 
@@ -152,7 +141,7 @@ def least(known, bounds, since, more, per_kg, fixed, radius):
     And of all m_hat that the law may have (Bounds): what is not flown, or not learnt yet, of the changes
     of the demand is made with it.
     """
-    worst, changed = math.inf, more * (since.a_d - since.flown + since.unlearnt)
+    worst, changed = math.inf, more * margin.left(since.changed)
     for heavy in (0.0, 1.0):
         m = known.m_min + heavy * (known.m_max - known.m_min)
         T = m * per_kg + fixed
@@ -232,7 +221,7 @@ def condition(params, law, known, present, since, v, psi_c, more, adds):
 
     # what is believed, whatever the air does
     p_kg, p = more * since.a_d + g, margin.dragging(known, v_t)
-    left = margin.left(since)
+    left = margin.left(since.left)
     R = margin.allowance(known, v_t, left) + forced
 
     # from now: the drag there is, of the mass for which it is greatest, and what becomes of it

@@ -187,7 +187,7 @@ def tick(flight, law, datagram, length, row, decided_us):
             contradicted = max(contradicted, row[i])
         flight.watch[_CONTRADICTED] = 1.0 if contradicted > 0.5 else 0.0
     for i in range(len(flight.thrusts)):
-        stands = math.isnan(row[_FIRST_COMMAND + i])  # told to stand still: not lost
+        stands = math.isnan(row[_FIRST_COMMAND + i])  # it is sent 0: a law that fails, not a rotor
         flight.watch[_WANTED + i] = 0.0 if stands else row[_FIRST_THRUST + i]
     length = pack_controls(
         flight.desk, np.int64(course.system), time_us, row[_FIRST_COMMAND:_END_COMMAND],

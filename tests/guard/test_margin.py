@@ -16,6 +16,11 @@ from fcu.guard.types import GuardState
 from fcu.interface.messages import Setpoint
 from fcu.kernel.algebra import Vec3, norm
 from fcu.kernel.buffers import to_buffer
+from fcu.kernel.rows import column
+from fcu.process.tick import Tick
+from gcs_tools.flight import law_alone
+from gcs_tools.flight.scenario import scenario
+from gcs_tools.missions.mission import from_tables
 
 STILL = Vec3(0.0, 0.0, 0.0)
 
@@ -172,37 +177,71 @@ def behind_lags(rho, lam, c_theta, c_q):
     return A, B, np.array([-1.0, 0.0, 1.0 - 1.0 / rho, 1.0 - 1.0 / rho])
 
 
-@pytest.mark.parametrize("rho", [1.0 / 1.3, 7.0 / 9.0, 1.0, 9.0 / 7.0, 1.3])
-@pytest.mark.parametrize(
-    ("lam", "c_theta", "c_q"), [(31.6, 10.0, 20.0), (44.7, 4.7, 9.8), (60.0, 15.0, 30.0)]
-)
-def test_what_a_wrong_mass_leaves_of_the_references_changes_fades_with_attitude(
+BEHIND = [(31.6, 10.0, 20.0), (44.7, 4.7, 9.8), (60.0, 15.0, 30.0)]  # lambda, c_theta, c_q, 1/s
+NOTHING = margin.Doubted(unturned=0.0, unflown=0.0, beta=0.0)
+
+
+@pytest.mark.parametrize("rho", [7.0 / 9.0, 9.0 / 7.0, 1.3])
+@pytest.mark.parametrize(("lam", "c_theta", "c_q"), BEHIND)
+def test_what_a_change_leaves_with_a_wrong_mass_is_bounded_at_each_moment(
     settings_of, rho, lam, c_theta, c_q
 ):
-    """A reference that jerks to and fro, m_hat wrong by up to 30 %: |m z| stays below `margin.left`.
+    """The response of m z to a jump of the demand, until a thousandth of the jump is left."""
+    h = 0.0005
+    law = settings_of(gamma=lam * lam, c_angle=c_theta, c_rate=c_q).law._replace(h=h)
+    A, B, C = behind_lags(rho, lam, c_theta, c_q)
+    step, x, met, told = expm(A * h), B[:, 1], [], []
+    left = margin.changed(NOTHING, margin.FORGOTTEN)
+    while margin.left(left) > 0.001:
+        met.append(abs(C @ x))
+        told.append(margin.left(left))
+        x, left = step @ x, margin.faded(law, left)
+    met, told = np.array(met), np.array(told)
+    assert (met <= told * (1.0 + 1e-9)).all()
+    late = told < 0.1 * margin.FORGOTTEN
+    assert rho > 1.0 or (met / told)[late].max() > 0.6  # not far from it
+    assert (
+        met > margin.PEAK * margin.FORGOTTEN * np.exp(-0.5 * lam * h * np.arange(len(met)))
+    ).any()
 
-    With nu_1 alone, as if thrust followed at once, it is exceeded.
-    """
-    h, rng = 0.0005, np.random.default_rng(5)
-    settings = settings_of(gamma=lam * lam, c_angle=c_theta, c_rate=c_q, guard_mass_kg=[1.0, 1.0])
-    law, guard = settings.law._replace(h=h), settings.guard._replace(m_max=1.0)
+
+@pytest.mark.parametrize("rho", [7.0 / 9.0, 9.0 / 7.0])
+def test_what_a_reference_that_jerks_leaves_with_a_wrong_mass_is_bounded(settings_of, rho):
+    """From a second on, what the first jump leaves forgotten."""
+    h, (lam, c_theta, c_q), rng = 0.001, BEHIND[1], np.random.default_rng(5)
+    law = settings_of(gamma=lam * lam, c_angle=c_theta, c_rate=c_q).law._replace(h=h)
     A, B, C = behind_lags(rho, lam, c_theta, c_q)
     step = expm(np.block([[A, B[:, 1:]], [np.zeros((1, 5))]]) * h)
-    x, jerk, worst, at_once, quick = np.zeros(4), 30.0, 0.0, 0.0, 0.0
-    state = GuardState(*[0.0] * len(GuardState._fields))
-    for _ in range(8000):
+    x, jerk, left, worst = np.zeros(4), 30.0, NOTHING, 0.0
+    for k in range(20_000):
         if rng.uniform() < 0.01:
             jerk = rng.choice([-30.0, 30.0])
         x = step[:4] @ np.array([*x, jerk])
-        change = Vec3(h * jerk, 0.0, 0.0)
-        unturned, unflown, beta = margin.faded(law, state)
-        unturned += margin.doubt(guard, change)
-        state = state._replace(unturned=unturned, unflown=unflown, beta=beta)
-        quick = quick * math.exp(-0.5 * h * lam) + margin.PEAK * margin.doubt(guard, change)
-        met = abs(C @ x)
-        worst, at_once = max(worst, met / margin.left(state)), max(at_once, met / quick)
-    assert worst <= 1.0
-    assert rho == 1.0 or at_once > 1.2
+        left = margin.changed(margin.faded(law, left), margin.FORGOTTEN * h * abs(jerk))
+        if k * h > 1.0:
+            worst = max(worst, abs(C @ x) / margin.left(left))
+    assert 0.3 < worst < 1.0
+
+
+def test_the_guard_counts_the_changes_of_its_reference_in_flight():
+    """`unturned`, `unflown` and `beta` of a governed flight, from the a_m that it recorded."""
+    tables = {
+        "title": "A step.",
+        "flight": {"duration_s": 3.0, "setpoints": [{"at_s": 0.0, "position_m": [4.0, 0.0, 3.0]}]},
+        "law": {"guard": "govern"},
+    }
+    scene = scenario(from_tables("step", tables))
+    _, rows = law_alone.fly(scene)[:2]
+    guard, law = scene.settings.guard, scene.settings.law
+    told = column(Tick, rows, "guard_state")
+    a_m, names = told[:, :3], [*GuardState._fields]
+    first = 2 + names.index("unturned")
+    left = margin.Doubted(*told[0, first : first + 3].tolist())
+    for before, now, row in zip(a_m[:-1], a_m[1:], told[1:], strict=True):
+        change = margin.doubt(guard, Vec3(*(now - before).tolist()))
+        left = margin.changed(margin.faded(law, left), change)
+        assert row[first : first + 3] == pytest.approx(list(left), rel=1e-9, abs=1e-12)
+    assert told[:, first].max() > 1.0
 
 
 def test_what_the_wind_leaves_behind_the_lags_is_as_much_as_the_readme_tells(settings_of):
@@ -257,7 +296,7 @@ def test_what_is_left_of_the_start_fades_no_faster_than_it_should(settings_of):
     beta = start = margin.beta_1(settings.guard, settings.law, STILL)
     for _ in range(100):  # 0.2 s
         nothing_new = GuardState(*[0.0] * len(GuardState._fields))
-        *_, beta = margin.faded(settings.law, nothing_new._replace(beta=beta))
+        beta = margin.faded(settings.law, nothing_new._replace(beta=beta)).beta
     assert beta == pytest.approx(start * math.exp(-0.1 * settings.law.lambda_v), rel=0.06)
     assert beta >= start * math.exp(-0.1 * settings.law.lambda_v)
     late = settings_of(v_hat_offset=[-1.5, -1.5, -1.5])
@@ -276,8 +315,11 @@ def test_the_way_to_a_setpoint_is_looked_at_in_full(settings_of):
     least, at, a, _ = foreseen.least(guard, law, step, STILL, STILL)
     jump, known = Vec3((1.0 + margin.FORGOTTEN) * 3.0, 0.0, 0.0), known_of(settings)
     more = foreseen.closed(law) * margin.difference(known, 0.0)
-    assert least == pytest.approx(margin.condition(known, jump, STILL, more))
-    assert (at, a) == (0.0, (3.0, 0.0, 0.0))
+    at_once = margin.condition(known, jump, STILL, more)
+    assert (
+        at_once - 0.01 < least <= at_once
+    )  # what the jump leaves grows by a little before it fades
+    assert at < 0.05 and a == pytest.approx((3.0, 0.0, 0.0), rel=0.02)
     moving = step._replace(r_c=Vec3(-9.6, 0.0, 0.0), v_c=Vec3(6.0, 0.0, 0.0))
     _, at, _, v = foreseen.least(guard, law, moving, STILL, STILL)
     assert at > 0.5
@@ -312,10 +354,10 @@ def test_a_script_of_setpoints_is_looked_at_as_one_way(settings_of):
     rows = np.zeros((1500, 8))
     script = np.array([to_buffer(there), to_buffer(back)])
     foreseen.along(guard, law, np.array([0.0, 7.0]), script, STILL, STILL, rows)
-    assert rows[0, 1] == foreseen.least(guard, law, there, STILL, STILL)[0]
     first, second = rows[:700, 1], rows[700:, 1]
+    assert first.min() == foreseen.least(guard, law, there, STILL, STILL)[0]
     assert second.min() < first.min()  # twice the way
-    assert rows[second.argmin() + 700, 0] == 7.0
+    assert 7.0 <= rows[second.argmin() + 700, 0] <= 7.05
     assert np.abs(rows[-1, 5:]).max() < 0.01
 
 

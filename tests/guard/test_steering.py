@@ -36,14 +36,16 @@ LIGHT = ("plant.mass_kg=7", "law.m_hat_0=7")
 KNOWN = (*LIGHT, "law.bounds.m_min=6.99", "law.bounds.m_max=7.01")
 
 
-def rising(speed: float, to: list[float], duration_s: float, *more: str) -> Scenario:
-    """A setpoint in air that does nothing but rise."""
+def rising(
+    speed: float, to: list[float], duration_s: float, *more: str, level: float = 0.0
+) -> Scenario:
+    """A setpoint in air that does nothing but rise, or moves level (m/s to East) besides."""
     return prepared(
         "urban_step",
         [
             "wind.amplitude_m_s=[0,0,0]",
             "wind.rotation_amplitude_rad_s=[0,0,0]",
-            f"wind.steady_m_s=[0,0,{speed}]",
+            f"wind.steady_m_s=[{level},0,{speed}]",
             f"flight.setpoints=[{{at_s=0.0,position_m={to}}}]",
             f"flight.duration_s={duration_s}",
             *more,
@@ -185,7 +187,7 @@ def test_a_climb_into_the_wind_with_drag_along_two_axes_is_not_lost():
     climb = [350.0, 0.0, 191.0]
     gains = (*QUICK, "law.guard_wind_m_s=6", "plant.drag=[0.15,0.15,0.0]")
     wind = ("flight.ground_z_m=-1000", "flight.arena_m=1000")
-    scene = rising(0.0, climb, 80.0, *LIGHT, *gains, *wind, "wind.steady_m_s=[-5.3,0,-2.8]")
+    scene = rising(-2.8, climb, 80.0, *LIGHT, *gains, *wind, level=-5.3)
     ticks, rows = law_alone.fly(scene)
     assert len(rows) == scene.ticks
     for limit in ("thrust", "tilt", "torque"):
