@@ -218,7 +218,7 @@ def doubt(params, a):
 
 
 class Doubted(NamedTuple):
-    """What m_hat may be off by of changes that were demanded: numbers, or Vec3s."""
+    """Changes that were demanded, as far as m_hat may be off by them: numbers, or Vec3s."""
 
     unturned: Any  # that attitude has not followed
     unflown: Any  # and that the rates have not
