@@ -114,8 +114,9 @@ def words(of: Order) -> str:
     """A possible order, in the words of PX4's `failure` command."""
     what = "" if of.type == Type.OK else f" {Type(of.type).name.lower()}"
     which = f" {of.instance}" if of.instance else ""
+    every = ", all" if of.unit == Unit.MOTOR and not of.instance else ""
     unit = Signal(of.unit) if of.unit in set(Signal) else Unit(of.unit)
-    return f"{unit.name.lower()}{which}{what}"
+    return f"{unit.name.lower()}{which}{what}{every}"
 
 
 def is_in_range(of: Order, rotors: int) -> bool:

@@ -380,3 +380,11 @@ def test_a_link_that_loses_doubles_or_delays_states_changes_no_bit_of_a_flight(t
         assert flown.error is None
         rows.append(recording.read(tmp_path / name / "flight.mcap").plant.rows)
     assert rows[0].tobytes() == rows[1].tobytes()
+
+
+def test_a_failure_of_all_rotors_says_so():
+    def words(kind, rotor):
+        return failures.words(Order(Unit.MOTOR, kind, rotor, 0.0, 0.0))
+
+    assert words(Type.OK, 0) == "motor, all" and words(Type.OK, 2) == "motor 2"
+    assert words(Type.OFF, 0) == "motor off, all"
