@@ -250,5 +250,7 @@ def pack(file: Path, out: Path, as_json: bool) -> None:
     except OSError as error:
         if out.exists():
             raise click.UsageError(f"{out}: it exists already: name a new folder") from error
-        raise Failure(f"{out}: {error.strerror}", USAGE) from error
+        # NumPy tells of a write that was cut short without a number
+        why = error.strerror or f"cannot be written whole ({error}): is the disk full?"
+        raise Failure(f"{out}: {why}", USAGE) from error
     _told(summary(field, {"kind": grid.kind, "notes": grid.notes, **grid.about}), as_json)

@@ -8,7 +8,7 @@ import numpy as np
 
 from fcu.interface.files import input_file
 from gcs_tools.wind_fields import netcdf, palm, qes, rotors_text, table, udales, vtk, vtk_file
-from gcs_tools.wind_fields.grid import Grid, wrong
+from gcs_tools.wind_fields.grid import Grid, reason, wrong
 from sitl_plant.physics.wind.packed_field import FieldError
 
 KNOWN = "PALM (NetCDF), QES-Winds (NetCDF-4), uDALES (NetCDF), RotorS text, VTK (legacy, .vtu, .vti), CSV"
@@ -42,7 +42,7 @@ def read(path: Path) -> Grid:
     except UnicodeDecodeError as error:
         raise wrong(source, f"expected one of {KNOWN}") from error
     except (ValueError, LookupError, TypeError, OverflowError, MemoryError) as error:
-        raise wrong(source, f"its values are no field: {error or type(error).__name__}") from error
+        raise wrong(source, f"its values are no field: {reason(error)}") from error
     if rotors_text.fits(text):
         return rotors_text.read(text, source)
     if table.fits(text):

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import os
 from dataclasses import dataclass, field
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any
+from typing import Any, BinaryIO
 
 import numpy as np
 
@@ -51,6 +52,32 @@ class Grid:
 def wrong(source: str, what: str) -> FieldError:
     """An error to raise of a file."""
     return FieldError(f"{source}: {what}")
+
+
+def reason(error: Exception) -> str:
+    """The text of an error of a reader, in words where it has none."""
+    if isinstance(error, MemoryError):
+        return (
+            "there is not enough memory for its values: "
+            "cut it to the place and the times of the flight"
+        )
+    return str(error)[:200] or type(error).__name__
+
+
+def check_file(source: str, file: BinaryIO) -> None:
+    """Raise FieldError for a file of more bytes than are read."""
+    size = os.fstat(file.fileno()).st_size
+    if size > MOST_GIB << 30:
+        raise wrong(
+            source,
+            f"it has {size / (1 << 30):.3g} GiB: expected {MOST_GIB} GiB at most; cut it first",
+        )
+
+
+def check_values(source: str, name: str, values: Array) -> None:
+    """Raise FieldError for values that are missing where there is air."""
+    if np.isnan(values).any():
+        raise wrong(source, f"{name} has no values at some places outside buildings")
 
 
 def check_size(source: str, values: int) -> None:

@@ -20,7 +20,7 @@ FACES = {
 }  # fmt: skip
 OUTSIDE = 0.02  # of a cell's size: so far outside its faces, which need not be flat, a place still belongs to it
 CHUNK = 200_000  # places at a time
-OVERLAP = 50  # times that every place may lie in the boxes of cells, on the average
+OVERLAP = 20  # times that every place may lie in the boxes of cells, on the average
 MOST_FACES = 40_000_000
 
 
@@ -29,6 +29,7 @@ class Mesh(NamedTuple):
 
     centre: Array  # (n, 3), m
     size: Array  # (n,), m: twice the least distance from the centre to a face
+    volume: Array  # (n,), m^3
     faces: Array  # int32 (n, m): faces of each cell, the first again where there are fewer
     normal: Array  # (k, 3), outwards
     middle: Array  # (k, 3), m
@@ -82,7 +83,7 @@ def mesh(points: Array, cells: Cells) -> Mesh:
         [np.bincount(all_cells, p[all_corners, a], n) for a in range(3)], axis=-1
     )
     centre = centre / np.maximum(count, 1)[:, None]
-    normal, middle, owner = [], [], []
+    normal, middle, owner, wide = [], [], [], []
     for corners, cell in parts:
         at = p[corners]
         turned = np.roll(at, -1, axis=1)
@@ -90,12 +91,14 @@ def mesh(points: Array, cells: Cells) -> Mesh:
         length = np.linalg.norm(area, axis=1)
         flat = length > 0.0
         area[flat] /= length[flat, None]
+        wide.append(0.5 * length[flat])
         normal.append(area[flat])
         middle.append(at[flat].mean(axis=1))
         owner.append(cell[flat])
     normals, middles, owners = map(np.concatenate, (normal, middle, owner))
     inward = np.einsum("ij,ij->i", normals, middles - centre[owners])
     normals[inward < 0.0] *= -1.0
+    volume = np.bincount(owners, np.abs(inward) * np.concatenate(wide) / 3.0, n)
     order = np.argsort(owners, kind="stable")
     owners, normals, middles, inward = owners[order], normals[order], middles[order], np.abs(inward[order])  # fmt: skip
     kept, first, faces_of = np.unique(owners, return_index=True, return_counts=True)
@@ -107,7 +110,7 @@ def mesh(points: Array, cells: Cells) -> Mesh:
     number[kept] = np.arange(len(kept))
     some = number[all_cells] >= 0
     return Mesh(
-        centre[kept], 2.0 * np.minimum.reduceat(inward, first), padded.astype(np.int32), normals, middles,
+        centre[kept], 2.0 * np.minimum.reduceat(inward, first), volume[kept], padded.astype(np.int32), normals, middles,
         number[all_cells[some]], all_corners[some],
     )  # fmt: skip
 
@@ -130,7 +133,9 @@ def cells_at(of: Mesh, points: Array, axes: tuple[Array, Array, Array]) -> Array
     n_places = int(np.prod(shape))
     best, chosen = np.full(n_places, -np.inf), np.full(n_places, -1)
     if ends[-1] > OVERLAP * (n_places + n):
-        raise ValueError("its cells overlap")
+        raise ValueError(
+            f"its cells overlap: a place is in the boxes about {ends[-1] / (n_places + n):.0f} of them, expected {OVERLAP} or fewer"
+        )
     for start in range(0, int(ends[-1]), CHUNK):
         k = np.arange(start, min(start + CHUNK, int(ends[-1])))
         cell = np.searchsorted(ends, k, side="right")

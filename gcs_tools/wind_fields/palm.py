@@ -56,8 +56,7 @@ def read(contents: Contents, source: str) -> Grid:
         for axis in dimensions[1:]:
             check_units(source, axis, found[axis].attributes.get("units"), METRES)
         v = found[name].values.astype(np.float32)
-        fills = {*FILLS, *np.ravel(found[name].attributes.get("_FillValue", ())).tolist()}
-        v[np.isin(v, [np.float32(fill) for fill in fills])] = np.nan
+        v[np.isin(v, [np.float32(fill) for fill in FILLS])] = np.nan
         z, y, x = (found[axis].values.astype(np.float64) for axis in dimensions[1:])
         parts[name] = Part(x, y, z, v)
     check_units(source, "time", found["time"].attributes.get("units"), SECONDS)

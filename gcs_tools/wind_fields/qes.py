@@ -8,7 +8,15 @@ from __future__ import annotations
 
 import numpy as np
 
-from gcs_tools.wind_fields.grid import METRES_A_SECOND, Grid, Part, check_units, edges, wrong
+from gcs_tools.wind_fields.grid import (
+    METRES_A_SECOND,
+    Grid,
+    Part,
+    check_units,
+    check_values,
+    edges,
+    wrong,
+)
 from gcs_tools.wind_fields.netcdf import Contents
 
 SOLID = (0, 2)  # icellflag: building, terrain
@@ -52,6 +60,7 @@ def read(contents: Contents, source: str) -> Grid:
                     source, f"{name} has {v.shape} values: expected (times, {shape}) or more"
                 )
             v = v[:, : shape[0], : shape[1], : shape[2]]
+        check_values(source, name, v)
         parts[name] = Part(**axes, v=v)
     grid = Grid(source, "QES-Winds", times, parts, staggered=on_faces)
     grid.solid, grid.cells = np.isin(flags[0], SOLID), (x, y, z)

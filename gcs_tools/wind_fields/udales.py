@@ -23,6 +23,7 @@ from gcs_tools.wind_fields.grid import (
     Grid,
     Part,
     check_units,
+    check_values,
     wrong,
 )
 from gcs_tools.wind_fields.netcdf import Contents, Variable
@@ -112,8 +113,7 @@ def read(contents: Contents, path: Path) -> Grid:
     if _close(parts, grid.solid):
         grid.notes.append("wind through walls, and inside buildings, was taken out")
     for name, part in parts.items():
-        if np.isnan(part.v).any():
-            raise wrong(source, f"{name} has no values at some places outside buildings")
+        check_values(source, name, part.v)
     count = f"{len(tiles)} tiles were joined" if len(tiles) > 1 else "one tile"
     grid.notes.append(f"{count}: no file says how many uDALES wrote, so compare the extent")
     grid.notes.append(f"{100.0 * grid.solid.mean():.1f} % of the cells are buildings")

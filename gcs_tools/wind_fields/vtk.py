@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from gcs_tools.wind_fields import mesh as meshes
-from gcs_tools.wind_fields.grid import Grid, Part, check_places, wrong
+from gcs_tools.wind_fields.grid import Grid, Part, check_places, reason, wrong
 from gcs_tools.wind_fields.vtk_file import POLYHEDRON, Contents
 from gcs_tools.wind_fields.vtk_file import read as contents_of
 from sitl_plant.physics.wind.packed_field import FieldError
@@ -21,7 +21,8 @@ Array = np.ndarray[Any, Any]
 
 NAMES = ("U", "velocity", "Velocity", "UMean", "u", "vectors")
 VALID = "vtkValidPointMask"  # of ParaView's resampling: 0 where there was nothing
-MOST = 20_000_000  # places of the grid
+MOST, PLACES = 20_000_000, 5_000  # places of the grid, in all and for each cell
+LEAST_FILLED = 0.05  # part of the box about the cells that they fill
 FINE = 0.1  # part of the cells that are finer than the grid
 
 
@@ -37,7 +38,7 @@ def read(path: Path) -> Grid:
     except FieldError:
         raise
     except (ValueError, LookupError, TypeError, OverflowError, MemoryError) as error:
-        raise wrong(source, str(error)[:200] or type(error).__name__) from error
+        raise wrong(source, reason(error)) from error
 
 
 def _vectors(of: dict[str, Array], n: int) -> tuple[str, Array] | None:
@@ -78,6 +79,13 @@ def _units(name: str) -> str:
     return f"{name} was taken in m/s, with the third axis up: VTK files do not say"
 
 
+def _farthest(points: Array) -> int:
+    """The number of the point that is the most distances of the middle half from the median, along an axis."""
+    quarter, middle, last = np.quantile(points.astype(np.float64), (0.25, 0.5, 0.75), axis=0)
+    spread = np.maximum(last - quarter, 1e-9)
+    return int((np.abs(points - middle) / spread).max(axis=1).argmax())
+
+
 def _resampled(contents: Contents, source: str) -> Grid:
     points, cells = contents.points, contents.cells
     assert points is not None and cells is not None
@@ -102,10 +110,20 @@ def _resampled(contents: Contents, source: str) -> Grid:
         centre = np.stack([np.bincount(made.corner_cell, corner[:, a]) / count for a in range(3)], axis=-1)  # fmt: skip
     slope = meshes.slopes(made, points, centre, None if at_points is None else at_points[1])
     low, high = points[made.corner].min(axis=0), points[made.corner].max(axis=0)
+    low, high = low.astype(np.float64), high.astype(np.float64)
+    filled = float(made.volume.sum() / np.prod(high - low))
+    if not filled >= LEAST_FILLED:
+        far = made.corner[_farthest(points[made.corner])]
+        raise wrong(
+            source,
+            f"its cells fill {100.0 * filled:.2g} % of the box about them, expected {100.0 * LEAST_FILLED:g} % or more: "
+            f"point {far} at ({', '.join(f'{a:g}' for a in points[far])}) m is the farthest from the others",
+        )
+    most = min(MOST, PLACES * len(made.centre))
     step = float(np.quantile(made.size, FINE))
-    step = max(step, float(np.prod((high - low) / MOST ** (1 / 3)) ** (1 / 3)))
+    step = max(step, float(np.prod((high - low) / most ** (1 / 3)) ** (1 / 3)))
     along = np.maximum(np.rint((high - low) / step), 1)
-    if not np.prod(along) <= 2 * MOST:
+    if not np.prod(along) <= 2 * most:
         raise wrong(source, f"cells of {step:.3g} m are too fine for its extent")
     axes = [
         a + (b - a) * (np.arange(n) + 0.5) / n

@@ -16,7 +16,7 @@ from xml.etree import ElementTree
 import numpy as np
 
 from fcu.interface.files import input_file
-from gcs_tools.wind_fields.grid import check_size, wrong
+from gcs_tools.wind_fields.grid import check_file, check_size, reason, wrong
 from sitl_plant.physics.wind.packed_field import FieldError
 
 Array = np.ndarray[Any, Any]
@@ -66,14 +66,18 @@ def is_vtk(path: Path) -> bool:
 
 def read(path: Path) -> Contents:
     """A whole file. Raises FieldError, OSError."""
+    source = str(path)
     with input_file.opened(path) as file:
-        data, source = file.read(), str(path)
+        check_file(source, file)
+        data = file.read()
     try:
         return _legacy(data, source) if data.startswith(_LEGACY) else _xml(data, source)
     except FieldError:
         raise
+    except MemoryError as error:
+        raise wrong(source, reason(error)) from error
     except (
-        ValueError, LookupError, TypeError, OverflowError, MemoryError, ElementTree.ParseError, zlib.error,
+        ValueError, LookupError, TypeError, OverflowError, ElementTree.ParseError, zlib.error,
     ) as error:  # fmt: skip
         raise wrong(
             source, f"damaged, or no VTK file: {type(error).__name__}: {str(error)[:120]}"

@@ -347,3 +347,62 @@ def test_values_that_are_elsewhere_or_no_numbers_are_refused(tmp_path, change, s
         change(file, tmp_path)
     with pytest.raises(FieldError, match=said):
         read(path)
+
+
+def _repacked(path, scale=None, offset=None, fill=None):
+    """Give the velocities of a file of PALM other attributes, and other numbers that mean the same."""
+    with netcdf_file(path, "a") as file:
+        for name in "uvw":
+            of = file.variables[name]
+            gaps = of.data == np.float32(FILL)
+            of.data[:] = (of.data - (offset or 0.0)) / (scale or 1.0)
+            of.data[gaps] = FILL if fill is None else fill
+            if scale is not None:
+                of.scale_factor = scale
+            if offset is not None:
+                of.add_offset = offset
+            if fill is not None:
+                del of._attributes["_FillValue"]
+                of.missing_value = np.float32(fill)
+    return path
+
+
+@pytest.mark.parametrize("how", [{"scale": 0.5, "offset": 2.0}, {"fill": 99.0}, {"scale": 0.1}])
+def test_packed_values_are_unpacked_and_a_missing_value_is_a_gap(tmp_path, how):
+    plain = packable(read(palm(tmp_path / "a.nc")))
+    field = packable(read(_repacked(palm(tmp_path / "b.nc"), **how)))
+    np.testing.assert_allclose(field.u.v, plain.u.v, atol=1e-6)
+    np.testing.assert_array_equal(field.top, plain.top)
+
+
+@pytest.mark.parametrize("scale", [0.0, math.nan, b"a half"])
+def test_a_packing_that_is_none_is_refused(tmp_path, scale):
+    path = palm(tmp_path / "a.nc")
+    with netcdf_file(path, "a") as file:
+        file.variables["u"].scale_factor = scale
+    with pytest.raises(FieldError, match=r"u: (expected one finite|scale_factor is no number)"):
+        read(path)
+
+
+def test_a_lack_of_memory_and_a_write_that_is_cut_short_are_told_in_words(tmp_path, monkeypatch):
+    def lacking(*_):
+        raise MemoryError
+
+    def short(*_):
+        raise OSError("2880 requested and 480 written")  # NumPy's, without a number
+
+    path = palm(tmp_path / "a.nc")
+    monkeypatch.setattr("gcs_tools.wind_fields.grid.save", short)
+    assert "is the disk full?" in gcs("pack", str(path), str(tmp_path / "out.field")).output
+    monkeypatch.setattr("gcs_tools.wind_fields.netcdf._classic", lacking)
+    with pytest.raises(FieldError, match="not enough memory"):
+        read(path)
+
+
+@pytest.mark.parametrize("head", [b"# vtk DataFile Version 3.0\n", b"CDF\x01"])
+def test_a_file_larger_than_is_read_is_refused_before(tmp_path, head):
+    path = tmp_path / "sparse"
+    path.write_bytes(head)
+    os.truncate(path, 9 << 30)
+    with pytest.raises(FieldError, match="9 GiB: expected 8 GiB at most"):
+        read(path)

@@ -267,3 +267,31 @@ def test_the_name_of_an_array_reaches_no_terminal_as_it_is(tmp_path, width):
     assert done.exit_code == (0 if width == 3 else 2)
     assert all(line.isprintable() for line in done.output.split("\n"))
     assert "\nError: forged" not in done.output
+
+
+@pytest.mark.parametrize("far_m", [1e3, 1e6])
+def test_a_point_far_from_the_others_is_refused_by_its_number(far_m):
+    contents = vtk_file.read(XML)
+    points = contents.points.copy()
+    points[283, 2] = far_m
+    contents = contents._replace(points=points)
+    with pytest.raises(FieldError, match="expected 5 % or more: point 283 at "):
+        vtk._resampled(contents, "a file")
+
+
+def test_the_places_of_a_grid_are_bounded_by_the_cells_of_its_file(monkeypatch):
+    monkeypatch.setattr(vtk, "PLACES", 1)
+    grid = vtk._resampled(vtk_file.read(XML), "a file")
+    assert grid.parts["u"].v.size <= 2 * 322
+
+
+def test_cells_that_lie_over_one_another_are_refused(monkeypatch):
+    monkeypatch.setattr(mesh, "OVERLAP", 0.5)
+    with pytest.raises(FieldError, match="its cells overlap: a place is in the boxes about 1 "):
+        read(XML)
+
+
+def test_the_volume_of_a_mesh_is_that_of_its_box_less_the_house():
+    contents = vtk_file.read(XML)
+    made = mesh.mesh(contents.points, contents.cells)
+    assert made.volume.sum() == pytest.approx(48.0 * 40.0 * 32.0 - 4096.0)
