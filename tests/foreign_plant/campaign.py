@@ -11,7 +11,7 @@ arrived*: at the end of the mode the vehicle is more than 0.5 m from the place t
 moves in modes that have none, or stays armed after the landing. *Late*: of a step from rest whose arrival is
 announced (`gcs envelope`), the vehicle is not within 0.3 m 1.1 times as long after it, or leaves again.
 *In landing*: the same limits from the moment at which it is told to land. *Landing*: rotors that still turn 3 s
-after the contact, or that were cut above 0.05 m, or a vehicle that tips over. The ground rises or falls by up to
+after the contact, or that were cut above 0.05 m once it was told to land (of a return: below 3 m at home), or a vehicle that tips over. The ground rises or falls by up to
 8 degrees in half of the flights, from 3 m about the start on. Under `warn` nobody holds the
 vehicle: what part of these flights saturates says how hard the draws are.
 """
@@ -19,27 +19,34 @@ vehicle: what part of these flights saturates says how hard the draws are.
 from __future__ import annotations
 
 import argparse
+import contextlib
+import fcntl
+import hashlib
 import json
 import math
 import multiprocessing
+import os
 import random
+import stat
 import subprocess
 import sys
 import tempfile
 import tomllib
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
 from functools import partial
 from pathlib import Path
 from typing import IO, Any
 
+from fcu.interface.files import input_file
 from fcu.laws import loader
 from gcs_tools.campaigns.statistics import interval
 from gcs_tools.flight import forking
 from gcs_tools.flight.scenario import scenario
 from gcs_tools.judging.envelope import arrives_s
 from gcs_tools.missions.mission import from_tables, with_airframe
-from tests.foreign_plant.computed_winds import Computed, read
+from tests.foreign_plant.computed_winds import Computed, WindsError, read
 from tests.foreign_plant.fly import POSITION, VELOCITY, Flight, anew, compile_plant, vehicle_lines
 from tests.process.conftest import claimed_instance
 
@@ -51,6 +58,7 @@ HEIGHT_M, NEAR_M, STILL_M_S = 8.0, 0.5, 0.25
 REST_S = 45.0  # within which a vehicle that was fast has to be at rest
 NEAR_HOME_M = 2.5  # a return that begins within two metres of home lands there
 TRANSIENT_S = 3.0  # after take-over: the estimates begin
+LANDS_M = 3.0  # above the ground at home, where a return is a landing
 LATE, STAYS_S = 1.1, 2.0  # of the announced time, and for how long it then has to stay
 ORBIT, TAKE_OFF, MOST_M_S2 = (
     34,
@@ -71,9 +79,21 @@ LIMITS = {
     "MPC_TKO_SPEED": (3.0, 5.0), "MPC_Z_VEL_MAX_DN": (1.5, 4.0), "MPC_ACC_HOR": (3.0, 8.0),
     "MPC_ACC_UP_MAX": (3.0, 6.0), "FLW_TGT_MAX_VEL": (5.0, 20.0),
 }  # fmt: skip
+WRONG_USE, DIED = 2, 3  # exit codes
+MOST_BYTES = 1 << 30  # of a file that is added to
+BEGINS = b'{"seed": '  # what a line of it begins with
+# what a flight of a file has, from which it is counted
+NEEDED = (
+    "seed", "policy", "airframe", "mode", "wind", "saturated", "saturated_landing", "lost", "arrived", "late",
+    "fingerprint",
+)  # fmt: skip
 
 Found = dict[str, Any]
 Place = tuple[float, float, float]
+
+
+class CampaignError(ValueError):
+    """A file that is not added to, and why."""
 
 
 def believed(airframe: str) -> tuple[float, float]:
@@ -278,7 +298,10 @@ def _return(flight: Flight, by: random.Random, made: Found, policy: str) -> None
     told: list[float] = []  # what is cut where it stands on the ground is none of the flight's
     while flight.armed and not flight.truth.get("lost"):
         assert flight.t < end, "still armed 240 s after it was told to return"
-        if not flight.go(0.5)["touching"]:
+        truth = flight.go(0.5)
+        if truth["high"] < LANDS_M and math.hypot(*truth["at"][:2]) < NEAR_HOME_M:
+            flight.line("landing")
+        if not truth["touching"]:
             over, told = flight.truth["at"], list(flight.values.get("saturated", []))
     flight.values["saturated"] = [0.0, *told]
     made["off_m"] = math.hypot(*over[:2])
@@ -546,13 +569,80 @@ def table(found: list[Found]) -> str:
 COMPUTED, ANSWERS = WINDS = ("computed winds", "winds that answer")
 
 
-def flown_before(path: Path) -> list[Found]:
-    """Return the flights of a file that is added to, without one that was cut short."""
-    if not path.exists():
-        return []
-    whole = [line for line in path.read_text().splitlines(keepends=True) if line.endswith("\n")]
-    path.write_text("".join(whole))
-    return [json.loads(line) for line in whole]
+def fingerprint(computed: Path | None) -> dict[str, str]:
+    """Return what a campaign is of, each in a few digits: law, guard, airframe files, simulator and winds."""
+    laws = Path(loader.__file__).parent
+    of = {
+        "law": [*sorted(laws.glob("*.py")), *sorted((laws / "mmrac").glob("*.py"))],
+        "guard": sorted((laws.parent / "guard").glob("*.py")),
+        "airframes": [FOLDER / f"{name}.toml" for name in AIRFRAMES],
+        "simulator": [Path(__file__).with_name("plant.c")],
+        "winds": [computed] if computed else [],
+    }
+    return {
+        what: hashlib.sha256(b"".join(path.read_bytes() for path in paths)).hexdigest()[:12]
+        for what, paths in of.items()
+    }
+
+
+def flown_before(data: bytes, source: Path, made_of: dict[str, str]) -> tuple[list[Found], int]:
+    """Return the flights of a file that is added to, and how many bytes they take.
+
+    After them there may be one that was cut short. Raises CampaignError for a file of something else.
+    """
+    found, size = [], 0
+    for number, line in enumerate(data.splitlines(keepends=True), start=1):
+        where, is_whole = f"{source}: line {number}", line.endswith(b"\n")
+        if not is_whole and (line.startswith(BEGINS) or BEGINS.startswith(line)):
+            break
+        try:
+            row = json.loads(line)
+        except (ValueError, RecursionError) as error:
+            raise CampaignError(f"{where} is no flight of a campaign") from error
+        if not isinstance(row, dict) or not is_whole:
+            raise CampaignError(f"{where} is no flight of a campaign")
+        if lacking := [key for key in NEEDED if key not in row]:
+            raise CampaignError(f"{where} has no {lacking[0]}: it is no flight of such a campaign")
+        known = {"policy": POLICIES, "airframe": AIRFRAMES, "mode": tuple(MODES)}
+        if not isinstance(row["seed"], int) or any(row[key] not in of for key, of in known.items()):
+            raise CampaignError(f"{where} is no flight of a campaign")
+        told = row["fingerprint"] if isinstance(row["fingerprint"], dict) else {}
+        for what, of_it in made_of.items():
+            if told.get(what) != of_it:
+                raise CampaignError(
+                    f"{where} was flown with another {what}: name a new file (--out)"
+                )
+        found.append(row)
+        size += len(line)
+    return found, size
+
+
+@contextlib.contextmanager
+def opened(path: Path, made_of: dict[str, str]) -> Iterator[tuple[list[Found], IO[str]]]:
+    """Yield the flights of a file, and the file to add to, which no other campaign has meanwhile.
+
+    Nothing is written to a file of something else. Raises CampaignError, OSError.
+    """
+    flags = os.O_RDWR | os.O_CREAT | os.O_APPEND | os.O_CLOEXEC
+    descriptor = os.open(path, flags | os.O_NONBLOCK, 0o644)  # a pipe would wait
+    if not stat.S_ISREG(os.fstat(descriptor).st_mode):
+        os.close(descriptor)
+        raise CampaignError(f"{path}: expected a regular file, not a device or a pipe")
+    with open(descriptor, "a+", encoding="utf-8", buffering=1) as out:
+        try:
+            fcntl.flock(out, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError as error:
+            raise CampaignError(f"{path}: another process adds to this file") from error
+        found, size = flown_before(input_file.content(path, MOST_BYTES), path, made_of)
+        if size < os.fstat(descriptor).st_size:
+            os.ftruncate(descriptor, size)
+        yield found, out
+
+
+def counted(found: list[Found], asked: Sequence[tuple[str, int]]) -> list[Found]:
+    """Return the flights of these policies and seeds, each once."""
+    first = {(each["policy"], each["seed"]): each for each in reversed(found)}
+    return [first[key] for key in asked if key in first]
 
 
 def fly_all(asked: Sequence[tuple[str, Found]], program: Path, jobs: int) -> Iterator[Found]:
@@ -569,32 +659,64 @@ def _fly(one: tuple[Path, str, Found]) -> Found:
     return fly(*one)
 
 
-def main() -> int:
+def _number(least: int) -> Callable[[str], int]:
+    """Return what reads a whole number of an option, of `least` or more."""
+
+    def whole(text: str) -> int:
+        try:
+            value = int(text)
+        except ValueError:
+            value = least - 1
+        if value < least:
+            raise argparse.ArgumentTypeError(
+                f"expected a whole number of {least} or more, got {text}"
+            )
+        return value
+
+    return whole
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Fly what is asked and not yet flown, and print the table. Exit codes: 1 not as promised, 2 wrong use, 3 a process died."""
     words = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    words.add_argument("--flights", type=int, default=100, help="of each policy")
+    words.add_argument("--flights", type=_number(1), default=100, help="of each policy")
     words.add_argument("--policy", choices=POLICIES, action="append", help="default: all of them")
-    words.add_argument("--first-seed", type=int, default=1, help="of these flights, in a row")
+    words.add_argument("--first-seed", type=_number(0), default=1, help="of these flights, in a row")  # fmt: skip
     words.add_argument("--computed", type=Path, help="of `computed_winds`: half fly in these winds")
     words.add_argument("--out", type=Path, default=Path("foreign.jsonl"), help="added to; what it has is not flown again")  # fmt: skip
-    words.add_argument("-j", "--jobs", type=int, default=1)
-    given = words.parse_args()
-    found = flown_before(given.out)
-    has = {(each["policy"], each["seed"]) for each in found}
-    beliefs = {airframe: believed(airframe) for airframe in AIRFRAMES}
+    words.add_argument("-j", "--jobs", type=_number(1), default=1)
+    given = words.parse_args(arguments)
+    try:
+        return _flown(given)
+    except (CampaignError, WindsError) as error:
+        print(f"Error: {error}", file=sys.stderr)
+        return WRONG_USE
+    except OSError as error:
+        print(f"Error: {error.filename or given.out}: {error.strerror or error}", file=sys.stderr)
+        return WRONG_USE
+    except BrokenProcessPool:
+        print("Error: a process that flew has died: start again, what it flew is flown anew", file=sys.stderr)  # fmt: skip
+        return DIED
+
+
+def _flown(given: argparse.Namespace) -> int:
+    """Fly what is asked and not yet flown. Raises CampaignError, WindsError, OSError, BrokenProcessPool."""
     computed = read(given.computed) if given.computed else []
+    made_of = fingerprint(given.computed)
+    policies = [each for each in POLICIES if each in (given.policy or POLICIES)]
     seeds = range(given.first_seed, given.first_seed + given.flights)
-    asked = [
-        (policy, drawn(seed, beliefs, computed))
-        for seed in seeds
-        for policy in given.policy or POLICIES
-        if (policy, seed) not in has
-    ]
-    with tempfile.TemporaryDirectory() as name, given.out.open("a", buffering=1) as out:
-        for each in fly_all(asked, compile_plant(Path(name)), given.jobs):
-            found.append(each)
-            out.write(f"{json.dumps(each)}\n")
-    print(table(found))
-    return any(not kept(each) for each in found if each["policy"] != "warn")
+    asked = [(policy, seed) for seed in seeds for policy in policies]
+    with opened(given.out, made_of) as (found, out), tempfile.TemporaryDirectory() as name:
+        has = {(each["policy"], each["seed"]) for each in found}
+        if rest := [key for key in asked if key not in has]:
+            beliefs = {airframe: believed(airframe) for airframe in AIRFRAMES}
+            made = [(policy, drawn(seed, beliefs, computed)) for policy, seed in rest]
+            for each in fly_all(made, compile_plant(Path(name)), given.jobs):
+                found.append(each | {"fingerprint": made_of})
+                out.write(f"{json.dumps(found[-1])}\n")
+    flown = counted(found, asked)
+    print(table(flown))
+    return any(not kept(each) for each in flown if each["policy"] != "warn")
 
 
 if __name__ == "__main__":

@@ -14,9 +14,13 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
+from fcu.interface.files import input_file
 from gcs_tools.gusts.limits import LIMITS
 from gcs_tools.gusts.worst_wind import Worst
 
+MOST_BYTES = 1 << 30  # of a file
 BEFORE_S, AFTER_S = 4.0, 0.5  # of the moment at which a limit is nearest: what is repeated
 
 
@@ -40,9 +44,28 @@ def of_worst(worst: Worst) -> list[list[float]]:
     return [[round(x, 5) for x in (t, north, east, -up)] for t, east, north, up in inside]
 
 
+class WindsError(ValueError):
+    """A file that has no computed winds, and why."""
+
+
 def read(path: Path) -> list[Computed]:
-    """Return the winds of a file."""
-    return [Computed(**json.loads(line)) for line in path.read_text().splitlines()]
+    """Return the winds of a file. Raises WindsError, OSError."""
+    lines = input_file.content(path, MOST_BYTES).splitlines()
+    if not lines:
+        raise WindsError(f"{path}: it has no winds")
+    found = []
+    for number, line in enumerate(lines, start=1):
+        try:
+            one = Computed(**json.loads(line))
+            rows = np.array(one.samples, dtype=np.float64)
+            vehicle = one.vehicle.keys() >= {"mass_kg", "inertia_kg_m2", "drag", "lag_s"}
+            is_one = vehicle and rows.ndim == 2 and rows.shape[1] == 4 and np.isfinite(rows).all()
+        except (ValueError, TypeError, AttributeError, RecursionError) as error:
+            raise WindsError(f"{path}: line {number} is no computed wind") from error
+        if not is_one:
+            raise WindsError(f"{path}: line {number} is no computed wind")
+        found.append(one)
+    return found
 
 
 def main() -> int:

@@ -258,6 +258,8 @@ class Flight:
         return self._acks[number]
 
     def command_mode(self, name: str) -> int:
+        if name == "land":
+            self.line("landing")
         return self.command(mavlink.MAV_CMD_DO_SET_MODE, 1, *MODES[name])
 
     def set(self, name: str, value: float) -> None:

@@ -320,10 +320,10 @@ static struct {
     uint64_t rotor_run, rotor_longest; /* ticks in a row with a rotor at a limit */
     double tilt_most, thrust_most, thrust_least, off_most, wind_most, wind_rate_most, speed_most;
     double touchdown, arrived, goal_since;
-    double touched_at, disarmed, cut_high; /* s, s after it, m: with next to no thrust in the air */
+    double touched_at, disarmed, cut_high; /* s, s after it, m: with next to no thrust in the air, once it lands */
     int contacts;
     char lost[32];
-    bool flew, has_goal, arrived_yet;
+    bool flew, landing, has_goal, arrived_yet;
     vec goal;
     double within;
 } judged = {.thrust_least = 1e9, .touchdown = -1.0, .touched_at = -1.0, .disarmed = -1.0};
@@ -362,7 +362,7 @@ static void judge(vec wind_before, double dt) {
     if (judged.flew && (double)judged.since_ground >= CLEAR_S * given.rate) {
         judged.air++;
         judged.touched_at = judged.disarmed = -1.0;
-        if (told < CUT * body.mass * G) judged.cut_high = fmax(judged.cut_high, high);
+        if (judged.landing && told < CUT * body.mass * G) judged.cut_high = fmax(judged.cut_high, high);
         judged.rotor += pinned;
         judged.but_yaw += but_yaw;
         judged.rotor_run = pinned ? judged.rotor_run + 1 : 0;
@@ -537,7 +537,7 @@ static void reset(void) {
     tick = 0;
     seed_state = given.seed;
     judged.lost[0] = 0;
-    judged.has_goal = false;
+    judged.has_goal = judged.landing = false;
     if (body.mass_first > 0.0) body.mass = body.mass_first;
     dropped = false;
     uint8_t payload[3] = {246, 0, 0}, datagram[32]; /* COMMAND_ACK: accepted */
@@ -598,6 +598,8 @@ static void obey(char *line) {
         judged.goal = v3(a[0], a[1], a[2]), judged.within = a[3], judged.goal_since = seconds();
     } else if (!strcmp(line, "no goal")) {
         judged.has_goal = false;
+    } else if (!strcmp(line, "landing")) {
+        judged.landing = true;
     } else if (!strcmp(line, "end")) {
         say_verdict();
         exit(0);

@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+import json
+import os
 from collections import Counter
+from collections.abc import Iterator
+from concurrent.futures.process import BrokenProcessPool
 from itertools import product
 from pathlib import Path
 
@@ -45,12 +49,106 @@ def test_every_second_flight_takes_a_computed_wind_and_the_vehicle_that_it_is_wo
     assert [each for each in made if each["wind"] != "series"] == others
 
 
+MADE_OF = {"law": "1", "winds": "2"}
+
+
+def row(seed: int, policy: str = "warn", **changed: object) -> str:
+    """A line of a campaign's file."""
+    one = {
+        "seed": seed, "policy": policy, "airframe": "quad", "mode": "hold", "wind": "series", "saturated": False,
+        "saturated_landing": False, "lost": "", "arrived": True, "late": False, "fingerprint": MADE_OF,
+    }  # fmt: skip
+    return json.dumps(one | changed) + "\n"
+
+
 def test_a_flight_that_is_there_is_not_flown_again_and_one_cut_short_is(tmp_path: Path) -> None:
     path = tmp_path / "foreign.jsonl"
-    assert campaign.flown_before(path) == []
-    path.write_text('{"seed": 1, "policy": "warn"}\n{"seed": 2, "pol')
-    assert campaign.flown_before(path) == [{"seed": 1, "policy": "warn"}]
-    assert path.read_text() == '{"seed": 1, "policy": "warn"}\n'
+    with campaign.opened(path, MADE_OF) as (found, _):
+        assert found == []
+    path.write_text(row(1) + '{"seed": 2, "pol')
+    with campaign.opened(path, MADE_OF) as (found, out):
+        assert [each["seed"] for each in found] == [1]
+        out.write(row(2))
+    assert path.read_text() == row(1) + row(2)
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("the text of a user", "line 1 is no flight"),
+        ('{"a": 1}', "line 1 is no flight"),
+        (row(1) + "damaged\n" + row(2), "line 2 is no flight"),
+        (row(1) + '{"seed": 2, "policy": "warn"}\n', "line 2 has no airframe"),
+        (row(1) + row(2, "none"), "line 2 is no flight"),
+        (row(1, fingerprint={"law": "1", "winds": "9"}), "another winds"),
+        (row(1, fingerprint=None), "another law"),
+    ],
+)
+def test_a_file_of_something_else_is_refused_and_left_as_it_is(
+    tmp_path: Path, text: str, said: str
+) -> None:
+    path = tmp_path / "foreign.jsonl"
+    path.write_text(text)
+    with pytest.raises(campaign.CampaignError, match=said), campaign.opened(path, MADE_OF):
+        pass
+    assert path.read_text() == text
+
+
+def test_one_campaign_at_a_time_adds_to_a_file(tmp_path: Path) -> None:
+    path = tmp_path / "foreign.jsonl"
+    with (
+        campaign.opened(path, MADE_OF),
+        pytest.raises(campaign.CampaignError, match="another process"),
+        campaign.opened(path, MADE_OF),
+    ):
+        pass
+
+
+def test_flights_that_were_asked_for_count_once() -> None:
+    found = [json.loads(row(seed, lost=lost)) for seed, lost in ((1, ""), (1, "away"), (7, ""))]
+    assert campaign.counted(found, [("warn", 1), ("warn", 2)]) == found[:1]
+
+
+@pytest.mark.parametrize(
+    "words", [["-j", "0"], ["--flights", "-3"], ["--flights", "x"], ["--first-seed", "-1"]]
+)
+def test_numbers_that_are_none_are_wrong_use(words: list[str]) -> None:
+    with pytest.raises(SystemExit) as ended:
+        campaign.main(words)
+    assert ended.value.code == 2
+
+
+def test_files_that_are_none_are_wrong_use_in_one_line(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    os.mkfifo(tmp_path / "pipe")
+    (tmp_path / "winds").write_text('{"airframe": "quad"}\n')
+    (tmp_path / "empty").touch()
+    for words in (
+        ["--out", "pipe"], ["--out", "no/where"], ["--out", "."], ["--computed", "winds"],
+        ["--computed", "empty"], ["--computed", "pipe"], ["--computed", "absent"],
+    ):  # fmt: skip
+        assert campaign.main([words[0], str(tmp_path / words[1])]) == 2, words
+        [line] = capsys.readouterr().err.splitlines()
+        assert line.startswith(f"Error: {tmp_path / words[1]}"), line
+
+
+def test_a_process_that_died_is_told_and_what_was_flown_stays(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def flying(*_: object) -> Iterator[campaign.Found]:
+        yield json.loads(row(1))
+        raise BrokenProcessPool
+
+    monkeypatch.setattr(campaign, "fly_all", flying)
+    monkeypatch.setattr(campaign, "compile_plant", lambda folder: folder)
+    monkeypatch.setattr(campaign, "believed", lambda airframe: (8.0, 12.0))
+    out = tmp_path / "foreign.jsonl"
+    assert campaign.main(["--out", str(out), "--flights", "2"]) == 3
+    assert len(capsys.readouterr().err.splitlines()) == 1
+    made_of = campaign.fingerprint(None)
+    with campaign.opened(out, made_of) as (found, _):
+        assert [each["seed"] for each in found] == [1] and found[0]["fingerprint"] == made_of
 
 
 def test_the_time_of_a_step_is_announced_where_somebody_governs() -> None:

@@ -107,6 +107,7 @@ def test_a_crash_is_told_by_the_simulator_and_ended_by_a_reset(
     flight.reset()
     flight.go(0.5)
     assert flight.take_off(3.0, 6.0)
+    assert flight.close()["cut_m"] == 0.0  # nobody told it to land
 
 
 def test_a_stream_that_ends_is_lost_after_a_second(begin: Callable[..., Flight]) -> None:
