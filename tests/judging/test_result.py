@@ -77,7 +77,9 @@ def test_keys_of_a_result_are_those_promised(tmp_path: Path) -> None:
         "versions", "values", "expectations", "metrics", "settle_s", "warnings",
     }  # fmt: skip
     (warned,) = content["warnings"]
-    assert warned == {"time_s": 12.3, "text": "Setpoint 990 m away limited to 100 m", "count": 2}
+    assert warned == {
+        "time_s": 12.3, "text": "Setpoint 990 m away limited to 100 m", "count": 2, "first_s": None,
+    }  # fmt: skip
 
 
 @pytest.mark.parametrize(
@@ -201,6 +203,24 @@ def test_what_the_vehicle_warned_of_is_kept_once_and_counted() -> None:
     assert [(each.time_s, each.count) for each in found] == [
         (2.0, 2), (3.2, 1), (3.5, 2), (5.0, 1), (7.0, 1), (8.0, 1),
     ]  # fmt: skip
+
+
+def test_of_warnings_of_a_force_that_is_missing_the_greatest_is_kept() -> None:
+    def short(t: float, speed: float, lack: float) -> Event:
+        return told(t, Told(Code.SETPOINT_SHORT, (Told(Code.SPEED, (speed,)), lack)))
+
+    lacks = [short(13.0, 1.4, 0.7), short(21.0, 3.0, 31.2), short(22.0, 2.0, 20.6)]
+    refused = Told(Code.LACKS, (Told(Code.WAY, (1.0,)), 3.0, "2 m"))
+    more = Told(Code.LACKS, (Told(Code.WAY, (1.0,)), 5.0, "2 m"))
+    rejected = [
+        told(14.0 + i, Told(Code.SETPOINT_REFUSED, (r,))) for i, r in enumerate((refused, more))
+    ]
+    found = warnings([*lacks, *rejected, told(16.0, "free text")], until_s=30.0)
+    assert [(each.time_s, each.count, each.first_s) for each in found] == [
+        (15.0, 2, 14.0), (16.0, 1, None), (21.0, 3, 13.0),
+    ]  # fmt: skip
+    assert "32 N" in found[2].text
+    assert str(found[2]).endswith("(the greatest of 3, the first at 13.0 s)")
 
 
 def test_the_hash_is_of_the_first_22_columns() -> None:
