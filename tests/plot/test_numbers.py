@@ -77,6 +77,12 @@ def test_room_is_what_is_left_before_the_nearer_limit(made: Any) -> None:
     )
 
 
+def test_a_rotor_that_is_lost_leaves_the_room_of_the_others(made: Any) -> None:
+    before = limits.numbers(all_of(made))["rotor_room_fraction"]
+    made.set_fcu(**{"outputs.thrusts.r1": np.where(made.t < 2.0, 10.0, 0.0)})
+    assert limits.numbers(all_of(made))["rotor_room_fraction"] == before
+
+
 def test_prediction_errors_are_norms_once_settled(made: Any) -> None:
     early = made.t < 5.0
     made.set_fcu(**{"internals.prediction.v_til.x": np.where(early, 0.3, 0.003)})

@@ -44,11 +44,15 @@ NUMBERS = {4: "four", 5: "five", 6: "six", 7: "seven", 8: "eight"}
 
 
 def _rotors(window: Window) -> Rows:
-    """Allocated thrusts, N, (rotors, n), each over its weight: as the limits of all rotors are."""
+    """Allocated thrusts, N, (rotors, n), each over its weight: as the limits of all rotors are.
+
+    NaN while a rotor stands, since it is lost: at 0 N, below the least thrust of a rotor that turns.
+    """
     there = rotors_of(window.told)
     weights = [window.told.get(f"law.rotors.w.{r}", 1.0) for r in there]
     thrusts = [window.fcu[name] for name in parts("outputs.thrusts", there)]
-    return np.stack([f / w for f, w in zip(thrusts, weights, strict=True)])
+    each = np.stack([f / w for f, w in zip(thrusts, weights, strict=True)])
+    return np.where(each > 0.0, each, np.nan) if window.told["law.rotors.f_min"] > 0.0 else each
 
 
 def _room(values: Rows, low: float, high: float) -> float | None:
@@ -124,16 +128,18 @@ def draw(figure: Figure, window: Window, found: Numbers) -> None:
     line(
         rotors,
         t,
-        each.max(axis=0),
+        np.fmax.reduce(each),
         color=THREE[1],
         linewidth=0.9,
         label=f"greatest of {NUMBERS[len(each)]}",
     )
-    line(rotors, t, each.mean(axis=0), color=MUTED, label="mean", **WIDE)
+    turning = np.isfinite(each).sum(axis=0)
+    mean = np.where(turning > 0, np.nansum(each, axis=0) / np.maximum(turning, 1), np.nan)
+    line(rotors, t, mean, color=MUTED, label="mean", **WIDE)
     line(
         rotors,
         t,
-        each.min(axis=0),
+        np.fmin.reduce(each),
         color=THREE[0],
         linewidth=0.9,
         label=f"least of {NUMBERS[len(each)]}",
