@@ -1,6 +1,6 @@
 """Why a flight saturated or ended before its time, in sentences, and which command says more.
 
-Which limit of the actuators, since when and for how long; the wind and the mass of the truth against
+Which failsafe kept it from its setpoints; which limit of the actuators, since when and for how long; the wind and the mass of the truth against
 what the guard believes in; and whether the guard held it back on its way to a setpoint that it missed.
 """
 
@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from fcu.interface.files.input_file import written
+from gcs_tools.judging.failsafes import Failsafe
 from gcs_tools.judging.metrics import EngagedTicks, blocks, is_up
 from gcs_tools.judging.setpoint_checks import Standing
 from gcs_tools.missions.flight_table import Flight
@@ -34,31 +35,43 @@ _LIMITS = {
 FOLLOWS_M = 5.0  # from its reference model: so near a vehicle follows its setpoint
 EARLY = ("diverged", "crashed")  # endings
 LITTLE = 0.01  # of the ticks that a setpoint stands: so few are no cause
+_FOUND_S = 0.5  # before a failsafe acts its cause may have begun
 _APART_S = 0.5  # ticks at a limit that are no farther apart are one stretch
 
 
 def causes(
     mission: Mission, flight: EngagedTicks, ended: str, passed: bool, values: Mapping[str, Value],
-    missed: Standing | None = None,
+    missed: Standing | None = None, keeper: Failsafe | None = None,
 ) -> list[str]:  # fmt: skip
     """Sentences. None of a flight that ended in time, saturated next to nothing and missed no setpoint.
 
     The first names a number that was not finite, if the law computed one.
     flight : all of it.  ended : how.  passed : whether its expectations are met.  values : in force.
-    missed : the setpoint that was missed by most.
+    missed : the setpoint that was missed by most.  keeper : the failsafe that kept the vehicle from its
+    setpoints. It is told first, and what followed from it is left out.
     """
     stays_up = [] if passed else _not_landed(mission, flight, ended)
     if not len(flight.t):
         return stays_up
     broken = flight.first_not_finite()
-    slowed = [] if missed is None or ended in EARLY else _slowed(mission, flight, missed)
+    is_kept = keeper is not None and (missed is None or missed.until_s > keeper.time_s)
+    slowed = [] if missed is None or ended in EARLY or is_kept else _slowed(mission, flight, missed)
     return (
         ([] if broken is None else [str(broken)])
+        + ([] if keeper is None else [_kept(keeper)])
         + slowed
-        + _not_arrived(mission, flight, ended)
+        + ([] if keeper is not None else _not_arrived(mission, flight, ended))
         + stays_up
         + _fell(mission, flight, ended)
-        + _limits_and_ending(mission, flight, ended, passed, values)
+        + _limits_and_ending(mission, flight, ended, passed, values, keeper)
+    )
+
+
+def _kept(keeper: Failsafe) -> str:
+    """Name the failsafe that kept the vehicle from its setpoints."""
+    return (
+        f"The failsafe {keeper.name} acted at {keeper.time_s:.2f} s ({keeper.action}): from then on the vehicle"
+        " did not fly to its setpoints."
     )
 
 
@@ -114,11 +127,14 @@ def _slowed(mission: Mission, flight: EngagedTicks, missed: Standing) -> list[st
 
 
 def _limits_and_ending(
-    mission: Mission, flight: EngagedTicks, ended: str, passed: bool, values: Mapping[str, Value]
-) -> list[str]:
-    on_ground = flight.is_grounded
+    mission: Mission, flight: EngagedTicks, ended: str, passed: bool, values: Mapping[str, Value],
+    keeper: Failsafe | None,
+) -> list[str]:  # fmt: skip
+    looked_at = ~flight.is_grounded
+    if keeper is not None:
+        looked_at &= flight.t < keeper.time_s - _FOUND_S
     up = {
-        name: is_up(flight.fcu, f"outputs.saturation.{name}") & ~on_ground
+        name: is_up(flight.fcu, f"outputs.saturation.{name}") & looked_at
         for name in _LIMITS
         if f"outputs.saturation.{name}" in flight.fcu
     }
@@ -129,8 +145,11 @@ def _limits_and_ending(
     if ended == "diverged" and not limited and (far := _beyond(mission.flight, flight)):
         return [far]
     found = [_ending(mission.flight, flight, ended)] if early else []
+    if keeper is not None and not limited:
+        return found
     if limited:
-        each = "; ".join(_stretch(_LIMITS[name], flight.t, on) for name, on in limited.items())
+        end = "until the rotors stopped" if ended == "fell" else "to the end"
+        each = "; ".join(_stretch(_LIMITS[name], flight.t, on, end) for name, on in limited.items())
         found.append(f"At a limit: {each}.")
     found.append(_air(flight, values))
     found += _mass(flight, values)
@@ -189,8 +208,11 @@ def _above(far: float) -> float:
     return math.ceil(1.1 * far / step) * step
 
 
-def _stretch(what: str, t: Rows, on: Any) -> str:
-    """The first and the last time at which a limit was met, and in what part of the time it was."""
+def _stretch(what: str, t: Rows, on: Any, end: str) -> str:
+    """The first and the last time at which a limit was met, and in what part of the flight it was.
+
+    end : words for a stretch that ends with the last tick.
+    """
     times = t[on]
     parts = [f"first at {times[0]:.2f} s", f"last at {times[-1]:.2f} s"]
     if times[0] == times[-1]:
@@ -198,10 +220,10 @@ def _stretch(what: str, t: Rows, on: Any) -> str:
     gaps = np.flatnonzero(np.diff(times) > _APART_S)
     since = float(times[gaps[-1] + 1] if len(gaps) else times[0])
     if t[-1] - times[-1] <= _APART_S and since < times[-1]:
-        parts = ["" if since == times[0] else parts[0], f"from {since:.2f} s to the end"]
+        parts = ["" if since == times[0] else parts[0], f"from {since:.2f} s {end}"]
     part = 100.0 * float(np.mean(on))
     share = f"{part:.0f} %" if part >= 1.0 else "below 1 %"
-    return f"{what} {', '.join(filter(None, parts))} ({share} of the time)"
+    return f"{what} {', '.join(filter(None, parts))} ({share} of the flight)"
 
 
 def _air(flight: EngagedTicks, values: Mapping[str, Value]) -> str:

@@ -171,8 +171,13 @@ def judge_metric(
     return Expectation(name, bound.limit, value, passed, text, why)
 
 
-def _judge_reached(entry: Any, standing: Sequence[Standing], ended: str) -> Expectation | None:
-    """Whether the vehicle came near each setpoint that stood; None where nothing is expected."""
+def _judge_reached(
+    entry: Any, standing: Sequence[Standing], ended: str, kept_s: float = math.inf
+) -> Expectation | None:
+    """Whether the vehicle came near each setpoint that stood; None where nothing is expected.
+
+    kept_s : when a failsafe kept the vehicle from its setpoints.
+    """
     if entry is False or (entry is None and not standing):
         return None
     within = REACHED_M if entry is None or entry is True else _positive(entry)
@@ -186,6 +191,9 @@ def _judge_reached(entry: Any, standing: Sequence[Standing], ended: str) -> Expe
         return Expectation(REACHED, within, value, True, text)
     missed = sum(each.away_m > within for each in standing)
     others = f" ({missed} of {len(standing)} setpoints were not)" if len(standing) > 1 else ""
+    if worst.until_s > kept_s:
+        why = f"{worst}{others}. The lines below say why"
+        return Expectation(REACHED, within, value, False, text, why)
     on_its_way = ended in GOOD_ENDINGS and not worst.grounded
     late = "If it was still on its way, give it more time; else ask" if on_its_way else "Ask"
     why = (
@@ -232,6 +240,7 @@ def judge_each(
     changed: Sequence[Changed] = (),
     good: Sequence[str] = GOOD_ENDINGS,
     has: Has | None = None,
+    kept_s: float = math.inf,
 ) -> list[Expectation]:
     """Each entry of `expect` judged: how the flight ended first, then its setpoints.
 
@@ -254,7 +263,7 @@ def judge_each(
     ends_well = set(endings).isdisjoint(BAD_ENDINGS)
     checks = []
     if ends_well or REACHED in expect:
-        checks.append(_judge_reached(expect.get(REACHED), standing, ended))
+        checks.append(_judge_reached(expect.get(REACHED), standing, ended, kept_s))
     if ends_well or LIMITED in expect:
         checks.append(_judge_limited(expect.get(LIMITED), changed))
     rest = [check for check in checks if check is not None]

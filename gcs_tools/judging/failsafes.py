@@ -12,6 +12,10 @@ from fcu.vehicle.conditions import ROWS, Action, Always, Condition
 from gcs_tools.judging.expectations import FAILSAFE, FENCE_BREACHED, MODE, Expectation
 from gcs_tools.recording.table import HALF_US
 
+# These follow from how the flight went, or leave the vehicle to its setpoints.
+_NO_KEEPERS = {
+    Condition.ATTITUDE_LOST, Condition.CRASHED, Condition.DIVERGED, Condition.LAW_FAILED,
+}  # fmt: skip
 NO_FAILSAFE = "none"
 STOPPED = "rotors stopped"
 _VEHICLE = "fcu"  # the process that tells it
@@ -61,6 +65,12 @@ class VehicleTold(NamedTuple):
     mode: str  # at the end; empty: it told none
     failsafes: tuple[Failsafe, ...]
     breached_s: float | None  # when the fence was breached first
+
+    @property
+    def keeper(self) -> Failsafe | None:
+        """The first failsafe that kept the vehicle from its setpoints. None: none did."""
+        passed_over = set(map(_name, _NO_KEEPERS))
+        return next((each for each in self.failsafes if each.name not in passed_over), None)
 
 
 def vehicle_told(said: Iterable[Event], until_s: float) -> VehicleTold:

@@ -183,6 +183,7 @@ class Judged(NamedTuple):
             judged = judge_each(
                 mission.expectations(), flight.metric, ended, flight.why_no_value, stood,
                 () if scripted else changed(wanted, told[1], heard), good_endings(mission.flight), flight.law_has,
+                kept_s=math.inf if told_of.keeper is None else told_of.keeper.time_s,
             )  # fmt: skip
             judged += judge_vehicle(mission.expectations(), told_of)
             judged += judge_faults(mission.plant.faults, sim_time)
@@ -222,8 +223,9 @@ def judge(
     passed = found is not None and found.passed
     why: list[str] = []
     if whole and found is not None:
+        keeper = None if passed else found.vehicle.keeper
         why = slowed(found.items, found.expectations, found.flight)
-        why += causes(mission, found.flight, ended, passed, values, found.missed)
+        why += causes(mission, found.flight, ended, passed, values, found.missed, keeper)
         if mission.flight.items and ended not in DONE:
             why.insert(0, _not_done(mission.flight, begun, Table.of(PlantRecord, plant), refusal))
     wall_time = about["wall_time_s"]

@@ -8,6 +8,8 @@ from typing import Any
 import numpy as np
 import pytest
 
+from fcu.interface.event_log import event
+from fcu.interface.status_texts import Code, Told
 from fcu.kernel.algebra import Vec3
 from fcu.kernel.buffers import columns, size
 from fcu.process.tick import Tick
@@ -57,10 +59,31 @@ def test_a_flight_that_saturated_and_missed_is_told_its_limit_its_air_and_where_
     found = judged(mission, *flight(mission, 4.0, thrust=1.0))
     assert not found.passed
     limit, air, look = found.causes
-    assert limit == "At a limit: the thrust command from 2.00 s to the end (50 % of the time)."
+    assert limit == "At a limit: the thrust command from 2.00 s to the end (50 % of the flight)."
     assert air.startswith("The wind reached 0.0 m/s, within the 12 m/s believed")
     assert look.startswith("What uses up the margin: gcs envelope ")
     assert "gust_step" in look
+
+
+def test_a_failsafe_that_landed_it_is_told_first_and_what_followed_is_left_out() -> None:
+    mission = override(load("gust_step"), "expect.thrust_saturated_fraction=0.1")
+    acts = (Told(Code.ROTOR_LOST, (1, Told(Code.LOSS_LANDS))), Told(Code.FAILSAFE_MODE, ("Land",)))
+    plant, fcu = flight(mission, 8.0, thrust=1.0)
+    plant[400:, columns(PlantRecord).index("state.r_E.z")] -= 3.0
+
+    def told_at(at_s: float) -> Result:
+        said = [event(at_s, "fatal", "fcu", each) for each in acts]
+        return judged(mission, plant, fcu, said=said)
+
+    found = told_at(4.1)
+    assert found.causes == [
+        "The failsafe rotor_lost acted at 4.10 s (Land): from then on the vehicle did not fly to its setpoints."
+    ]
+    (reached,) = (each.why for each in found.expectations if each.name == "reached")
+    assert "more time" not in reached and "Ask" not in reached
+    late = told_at(7.0).causes
+    assert late[0].startswith("The failsafe rotor_lost acted at 7.00 s")
+    assert late[1].startswith("At a limit: the thrust command first at 4.00 s"), "before it"
 
 
 def test_a_law_without_a_guard_is_sent_to_no_margin() -> None:
