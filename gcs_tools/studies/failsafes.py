@@ -42,7 +42,8 @@ RATE_HZ, TICK_S, LOOK_S = 250, 0.004, LOOK_US * 1e-6
 BEGINS_S, ENDS_S = 6.0, 30.0
 SEEDS = 20
 HIGH, STILL = Vec3(0.0, 0.0, 30.0), Vec3(0.0, 0.0, 0.0)
-PAGE = Path(__file__).resolve().parents[2] / "docs" / "failsafes.md"
+DOCS = Path(__file__).resolve().parents[2] / "docs"
+PAGE = DOCS / "failsafes.md"
 BEGIN, END = "<!-- written by gcs_tools/studies/failsafes.py: {} -->", "<!-- end -->"
 
 _Q = [column_of(PlantRecord, f"state.q_EB.{each}") for each in "wxyz"]

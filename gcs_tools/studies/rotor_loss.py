@@ -1,7 +1,7 @@
 """A rotor is lost in flight: does the vehicle fly on, land, or is it lost, with and without being told?
 
     python -m gcs_tools.studies.rotor_loss                 every vehicle, scene and law (--seeds N a cell)
-    python -m gcs_tools.studies.rotor_loss --page          writes their rows into the table of docs/failsafes.md
+    python -m gcs_tools.studies.rotor_loss --page          writes their rows into the table of docs/rotor-loss.md
 
 Each flight is a whole vehicle with its simulator, in process and in lockstep. The seed draws the moment, the
 phases of the wind and noise on the state, and takes the rotors in turn. Without being told (CA_FAILURE_MODE 0)
@@ -34,10 +34,11 @@ from gcs_tools.flight.memory_flight import MemoryFlight
 from gcs_tools.flight.scenario import Scenario, scenario
 from gcs_tools.missions.mission import Mission, from_tables
 from gcs_tools.recording.table import Rows
-from gcs_tools.studies.failsafes import BEGIN, END, PAGE, written
+from gcs_tools.studies.failsafes import BEGIN, DOCS, END, written
 from sitl_plant.physics import dynamics
 from sitl_plant.physics.types import PlantRecord
 
+PAGE = DOCS / "rotor-loss.md"
 ROTORS = {"s1000": 8, "hexa": 6, "x8": 8}
 SCENES = ("hover", "wind", "step")
 WARNS = "mmrac-warn"  # M-MRAC whose guard governs nothing, as the paper flies
@@ -246,7 +247,7 @@ def _names(row: str) -> tuple[str, ...]:
     "--told", "tells", multiple=True, type=click.Choice(TELLS), help="default: untold, found"
 )
 @click.option("--fault", default="off", show_default=True, type=click.Choice([*FAULTS]))
-@click.option("--page", is_flag=True, help="write the rows into docs/failsafes.md")
+@click.option("--page", is_flag=True, help="write the rows into docs/rotor-loss.md")
 def main(
     seeds: int, airframes: tuple[str, ...], scenes: tuple[str, ...], laws: tuple[str, ...],
     tells: tuple[str, ...], fault: str, page: bool,
