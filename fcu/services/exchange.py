@@ -115,7 +115,7 @@ REPLIES = (
     Reply("LOG_ENTRY", "no log"),
     Reply("LOG_DATA", "no bytes"),
     Reply("SERIAL_CONTROL", "a sentence that there is no console"),
-    Reply("PARAM_EXT_VALUE", "one of no extended parameters"),
+    Reply("PARAM_EXT_VALUE", "a count of 0: there are no extended parameters"),
     Reply("PARAM_EXT_ACK", "a refusal"),
 )
 

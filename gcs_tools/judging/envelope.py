@@ -509,7 +509,7 @@ def beliefs(mission: Mission, settings: Settings) -> tuple[Belief, ...]:
         Belief("its rate", f"{guard.w_dot_max:g}", "m/s^2", "guard_wind_rate_m_s2"),
         Belief("rotor lag", f"{LAGS[0] * lag:.3g} to {LAGS[1] * lag:.3g}", "s", "rotor_lag_s"),
         Belief("delay to the rotor", f"{guard.delay_s:g}", "s", "guard_delay_s"),
-        Belief("noise, its amounts are", kind, "", "guard_noise"),
+        Belief("amounts of noise are", kind, "", "guard_noise"),
         *(Belief(f"noise of {what}", f"{told[key]:.3g}", unit, key)
           for key, (what, unit) in NOISES.items()),
         Belief("control rate", f"{mission.flight.rate_hz:g}", "Hz", "flight.rate_hz"),
