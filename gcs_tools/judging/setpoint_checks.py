@@ -7,6 +7,7 @@ setpoint that it limits or refuses is another one there than the mission's.
 from __future__ import annotations
 
 import math
+from bisect import bisect_left
 from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import chain, pairwise
@@ -112,10 +113,9 @@ def standing(asked: Timeline, plant: Table, was_cut: bool = False) -> list[Stand
     was_cut : the flight ended badly. Places that would have stood, had it gone on, are infinitely far then.
     """
     found: list[Standing] = []
-    t = plant["t"]
-    if not len(t):
+    if not len(plant):
         return found
-    over_s = float(t[-1]) + 1.0 / asked.flight.rate_hz
+    over_s = _time(plant, len(plant) - 1) + 1.0 / asked.flight.rate_hz
     for since_s, ends_s, place, held in asked.places():
         until_s = min(ends_s, over_s)
         wanted_s = min(ends_s, asked.flight.duration_s) - since_s
@@ -124,7 +124,7 @@ def standing(asked: Timeline, plant: Table, was_cut: bool = False) -> list[Stand
             continue
         if until_s - since_s < SETTLE_S - HALF_US and not held:
             continue
-        last = int(np.searchsorted(t, until_s - HALF_US)) - 1
+        last = _first_from(plant, until_s - HALF_US) - 1
         away, why = _away(plant, last, place), grounded(asked.flight, place)
         found.append(Standing(since_s, round(until_s, 6), place, away, why))
     return found
@@ -154,7 +154,7 @@ def accepted(flight: Flight, plant: Table, fcu: Table) -> list[Standing]:
         since_s, until_s = float(t[first]), float(t[end - 1]) + 1.0 / flight.rate_hz
         if not rests[first] or until_s - since_s < SETTLE_S - HALF_US:
             continue
-        last = int(np.searchsorted(plant["t"], until_s - HALF_US)) - 1
+        last = _first_from(plant, until_s - HALF_US) - 1
         place = Vec3(*fcu.take(slice(first, first + 1))["setpoint.r_c"][0].tolist())
         away, why = _away(plant, last, place), grounded(flight, place)
         found.append(Standing(since_s, round(until_s, 6), place, away, why))
@@ -167,6 +167,16 @@ def _rests(fcu: Table) -> Flags:
     for name in ("setpoint.v_c", "setpoint.a_c"):
         rests &= (fcu[name] == 0.0).all(axis=1)
     return rests
+
+
+def _time(plant: Table, row: int) -> float:
+    """Return the time of a row, s."""
+    return float(plant.take(slice(row, row + 1))["t"][0])
+
+
+def _first_from(plant: Table, t: float) -> int:
+    """Return the first row whose time is at least t (s). It reads some rows of a long flight alone."""
+    return bisect_left(range(len(plant)), t, key=lambda row: _time(plant, row))
 
 
 def _away(plant: Table, row: int, place: Vec3) -> float:
@@ -186,14 +196,15 @@ def changed(
     hears : whether the vehicle hears a setpoint that is sent at a tick.
     """
     flying, rate_hz = fcu.take(is_up(fcu, "engaged")), asked.flight.rate_hz
-    ticks = np.empty(len(flying), np.int64)
-    for block in blocks(len(flying)):
-        ticks[block] = np.rint(flying.take(block)["t"] * rate_hz)
-    sent = [each for each in asked.sent() if hears(each.tick)]
+    sent = sorted((each for each in asked.sent() if hears(each.tick)), key=lambda each: each.tick)
     sent_at = np.fromiter((each.tick for each in sent), np.int64, len(sent))
-    at = np.searchsorted(ticks, sent_at)
-    there = at < len(ticks)
-    there[there] = ticks[at[there]] == sent_at[there]  # in real time some are dropped
+    at = np.zeros(len(sent), np.int64)
+    there: Flags = np.zeros(len(sent), bool)  # in real time some are dropped
+    for block in blocks(len(flying)):
+        ticks = np.rint(flying.take(block)["t"] * rate_hz).astype(np.int64)
+        some = slice(*np.searchsorted(sent_at, [ticks[0], ticks[-1] + 1]).tolist())
+        row = np.searchsorted(ticks, sent_at[some])
+        at[some], there[some] = block.start + row, ticks[row] == sent_at[some]
     sent = [each for each, is_there in zip(sent, there.tolist(), strict=True) if is_there]
     told = flying.take(at[there])
     numbers = chain.from_iterable(_compared(each.setpoint) for each in sent)
