@@ -75,7 +75,8 @@ class TouchdownState(NamedTuple):
 
     done: float  # 1: it has come down
     since_us: float  # since when something is in its way; NaN: nothing is
-    sank_us: float = math.nan  # when it last sank as fast as it should; NaN: it never did
+    # when it last sank as fast as it should; NaN: it never did, -inf: not since it was thrown up
+    sank_us: float = math.nan
     struck: float = 0.0  # 1: what is in its way stopped it at once
 
 
@@ -305,23 +306,30 @@ def touches(was, flown, model_z, pose, ground, t_us, meant, anywhere_us, lag_s):
     """
     v, since_us, struck = pose.v_E, was.since_us, was.struck
     if was.done != 0.0:
-        gust = not v.z > -FALLING
+        rests = flown.level > POSITION  # and does not take off
+        # what rises as fast comes more than CLEAR above the ground
+        left = not v.z > -FALLING or (rests and not v.z < FALLING)
         return TouchdownState(
-            done=select(gust, 0.0, 1.0), since_us=since_us, sank_us=was.sank_us, struck=struck
+            done=select(left, 0.0, 1.0),
+            since_us=select(left, math.nan, since_us),
+            sank_us=select(left, math.nan, was.sank_us),
+            struck=select(left, 0.0, struck),
         )
     left_behind = pose.r_E.z - flown.r_c.z > LEFT_BEHIND - lag_s * flown.v_c.z
     lags = model_z > flown.v_c.z and not left_behind
     down = select(lags, model_z, flown.v_c.z)
-    sank_us = select(v.z < SINKS * down, t_us, was.sank_us)
+    sank_us = select(v.z < SINKS * down, t_us, select(v.z > FALLING, -math.inf, was.sank_us))
     height = pose.r_E.z - ground
     here = -VALLEY < height < TOUCHING
     if math.isnan(since_us):
         struck = select(t_us - sank_us <= STRUCK_US, 1.0, 0.0)
     at_once = here or struck != 0.0
     bounces = not at_once and norm(v) > AT_REST  # the highest point of that is no ground
+    # nor is that of a jump, where the vehicle is slow for long while the setpoint sinks away from it
+    thrown = sank_us == -math.inf
     # a second on it leads up: a take-off that was asked for on the way down
     rises = flown.v_c.z + flown.a_c.z > 0.0
-    if down > -AT_REST or v.z < HINDERED * down or bounces or rises:
+    if down > -AT_REST or v.z < HINDERED * down or bounces or thrown or rises:
         return TouchdownState(done=0.0, since_us=math.nan, sank_us=sank_us, struck=0.0)
     if math.isnan(since_us):
         since_us = t_us

@@ -6,11 +6,20 @@ import math
 
 import pytest
 
-from fcu.interface.messages import VehicleState
+from fcu.interface.messages import Setpoint, VehicleState
 from fcu.kernel.algebra import Rotors, Vec3
 from fcu.kernel.buffers import to_buffer
 from fcu.kernel.rotations import from_euler
-from fcu.vehicle.landing import HELD_FOR_US, LEANS_US, LandedDetector, LandedState, stands
+from fcu.vehicle.landing import (
+    HELD_FOR_US,
+    LEANS_US,
+    LandedDetector,
+    LandedState,
+    TouchdownDetector,
+    resting,
+    stands,
+)
+from fcu.vehicle.plans import Pose
 
 C_T, WEIGHT, LOOK_US = 8.2e-5, 78.5, 20_000
 STILL = Vec3(0.0, 0.0, 0.0)
@@ -109,3 +118,41 @@ def test_what_has_come_down_lands_with_rotors_that_hold_it_level_on_a_slope(part
             landed_us = t_us
     assert landed_us == (LEANS_US if lands else None)
     assert now.T_flight > 0.9 * WEIGHT or not down
+
+
+# --- whether it has come down
+
+
+def meets(speeds, ground=math.nan):
+    """Return for each of these vertical speeds whether it is down, after a descent at 0.7 m/s."""
+    sinking = Setpoint(Vec3(0.0, 0.0, -3.0), Vec3(0.0, 0.0, -0.7), STILL, 0.0, 0.0)
+    seen, z, found = TouchdownDetector(), 0.28, []
+    for k, v in enumerate([-0.7] * 20 + speeds):
+        z += v * LOOK_US * 1e-6
+        flown = resting(sinking, 1.8) if seen.done else sinking
+        seen.see(
+            flown,
+            Pose(Vec3(0.0, 0.0, z), Vec3(0.0, 0.0, v), 0.0),
+            ground,
+            k * LOOK_US,
+            model_z=-0.7,
+        )
+        found.append(seen.done)
+    return found[20:]
+
+
+@pytest.mark.parametrize("ground", [math.nan, -2.0])  # a slope is higher than where it stood
+@pytest.mark.parametrize("up", [1.2, 3.0])
+def test_the_highest_point_of_a_jump_is_no_ground(up, ground):
+    """It is slow there for long, and its setpoint sinks away: rotors that are cut are cut in the air."""
+    jump, hangs = [0.6, *[up - 0.1 * k for k in range(round(up / 0.1))]], [0.1] * 20 + [-0.1] * 20
+    sinks, rests = [-0.5] * 10, [-0.1] * 10
+    down = meets(jump + hangs + sinks + rests, ground)
+    assert not any(down[: -len(rests)])
+    assert down[-1]
+
+
+def test_what_is_thrown_up_again_has_not_come_down():
+    assert meets([0.0] * 10)[-1]
+    assert not meets([0.0] * 10 + [0.5, 1.1])[-1]
+    assert meets([0.0] * 10 + [0.5, 0.9])[-1]
