@@ -133,12 +133,13 @@ def _limits_and_ending(
     looked_at = ~flight.is_grounded
     if keeper is not None:
         looked_at &= flight.t < keeper.time_s - _FOUND_S
-    up = {
-        name: is_up(flight.fcu, f"outputs.saturation.{name}") & looked_at
-        for name in _LIMITS
-        if f"outputs.saturation.{name}" in flight.fcu
-    }
-    limited = {name: flags for name, flags in up.items() if flags.any()}
+    limited = {}
+    for name in _LIMITS:
+        if (column := f"outputs.saturation.{name}") in flight.fcu:
+            up = is_up(flight.fcu, column)
+            up &= looked_at
+            if up.any():
+                limited[name] = up
     early = ended in EARLY
     if not early and (not limited or (passed and set(limited) <= set(ALLOCATED))):
         return []

@@ -32,7 +32,7 @@ _OF_A_REFERENCE = "outputs.reference.", "outputs.e_r."
 _OF_THE_LAW = "command.", "outputs.", "state.", "internals.", "guard_state.", "guard."
 _OF_A_GUARD = "governed_", "margin_", "contradicted_"
 _CONTRADICTED = "guard.contradicted."
-BLOCK = 1 << 15  # rows that are worked on at once
+BLOCK = 1 << 13  # rows that are worked on at once
 
 
 def settle_from(fcu: Table) -> float:

@@ -387,7 +387,8 @@ def trajectory_sha256(plant: Rows) -> str:
     for block in blocks(len(plant)):
         told = Table.of(PlantRecord, plant[block])
         t, state = told["t"], told["state"]
-        digest.update(np.column_stack([t, state]).astype("<f8").tobytes())
+        joined = np.column_stack([t, state]).astype("<f8", order="C", copy=False)
+        digest.update(joined.data)
     return digest.hexdigest()
 
 

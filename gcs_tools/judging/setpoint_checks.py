@@ -198,18 +198,20 @@ def changed(
     flying, rate_hz = fcu.take(is_up(fcu, "engaged")), asked.flight.rate_hz
     sent = sorted((each for each in asked.sent() if hears(each.tick)), key=lambda each: each.tick)
     sent_at = np.fromiter((each.tick for each in sent), np.int64, len(sent))
-    at = np.zeros(len(sent), np.int64)
     there: Flags = np.zeros(len(sent), bool)  # in real time some are dropped
+    made = np.empty((len(sent), len(_COMPARED)))
     for block in blocks(len(flying)):
-        ticks = np.rint(flying.take(block)["t"] * rate_hz).astype(np.int64)
+        told = flying.take(block)
+        ticks = np.rint(told["t"] * rate_hz).astype(np.int64)
         some = slice(*np.searchsorted(sent_at, [ticks[0], ticks[-1] + 1]).tolist())
         row = np.searchsorted(ticks, sent_at[some])
-        at[some], there[some] = block.start + row, ticks[row] == sent_at[some]
+        there[some] = ticks[row] == sent_at[some]
+        if len(row):
+            made[some] = np.stack([told[f"setpoint.{name}"][row] for name in _COMPARED], axis=1)
     sent = [each for each, is_there in zip(sent, there.tolist(), strict=True) if is_there]
-    told = flying.take(at[there])
+    made = made[there]
     numbers = chain.from_iterable(_compared(each.setpoint) for each in sent)
     wanted = np.fromiter(numbers, float).reshape(-1, len(_COMPARED))
-    made = np.stack([told[f"setpoint.{name}"] for name in _COMPARED], axis=1)
     off = np.abs(wanted - made) > _ROUNDED + _ROUNDED_PART * np.abs(wanted)
     found: list[Changed] = []
     for i in np.flatnonzero(off.any(axis=1)).tolist():
