@@ -23,9 +23,6 @@ from gcs_tools.flight.scenario import OF_MISSIONS, Scenario
 from gcs_tools.flight.scripted_flight import Flown, ScriptedFlight
 
 STALL_S = 7.0  # wall: neither process complains, and still no tick is flown
-OF_A_MISSION = [
-    word for name, value in OF_MISSIONS.items() for word in ("--param", f"{name}={value:g}")
-]
 DRAIN_S = 2.0  # wall: for rows that are still in the pipes of a process that has ended
 
 
@@ -107,9 +104,15 @@ class WireFlight(ScriptedFlight):
             stack, self._folder, self._instance, self._scene.flown,
             self._scene.airframe, self._zenoh, self._flies, look, self._starting,
         )  # fmt: skip
+        own = [
+            word
+            for name, value in OF_MISSIONS.items()
+            if name not in self._scene.parameters
+            for word in ("--param", f"{name}={value:g}")
+        ]
         why = pair.start(
             self._scene,
-            ["--link-clock", self.LINK_CLOCK, keep, "--record-fd", str(fcu_in), *OF_A_MISSION],
+            ["--link-clock", self.LINK_CLOCK, keep, "--record-fd", str(fcu_in), *own],
             ["--speed", speed, keep, "--record-fd", str(plant_in), "--control-fd", str(grants_out)],
             (fcu_in,), (plant_in, grants_out),
         )  # fmt: skip

@@ -270,7 +270,7 @@ def once(
 ) -> list[str]:  # fmt: skip
     """Settings of the form KEY=VALUE, each of another key. Raises MissionError for a key that is given twice.
 
-    A table and a key in it are the same key twice, since the table replaces all of its keys.
+    A table after a key in it gives that key twice, since the table replaces all of its keys. Before it, it may stand.
     params : NAME=VALUE each, parameters of the vehicle that are set beside them (--param).
     """
     given = [(f"vehicle.params.{_key(each)}", f"--param {shortened(each)}") for each in params]
@@ -281,11 +281,11 @@ def once(
             if key == other:
                 both = f"given twice, as {before} and {said}: expected it once"
                 raise MissionError(f"{option} {shortened(key)}: {both}")
-            if f"{key}.".startswith(f"{other}.") or f"{other}.".startswith(f"{key}."):
-                table = shortened(min(key, other, key=len))
+            if other.startswith(f"{key}."):
+                table = shortened(key)
                 both = f"given twice, as {before} and {said}"
                 raise MissionError(
-                    f"{option} {table}: {both}: expected the table {table} or keys of it, not both"
+                    f"{option} {table}: {both}: expected the table {table} first, or without them"
                 )
         found[key] = said
     return list(settings)

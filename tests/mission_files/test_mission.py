@@ -292,7 +292,6 @@ STEADY, WIND = "wind.steady_m_s=[1.0,0.0,0.0]", "wind={steady_m_s=[2.0,0.0,0.0]}
     ("settings", "params", "why"),
     [
         ([STEADY, WIND], [], "--set wind: given twice"),
-        ([WIND, STEADY], [], "--set wind: given twice"),
         (["vehicle.params.CA_FAILURE_MODE=0"], ["CA_FAILURE_MODE=1"], "CA_FAILURE_MODE: given twice"),
         (["vehicle.params={GF_ACTION=5}"], ["CA_FAILURE_MODE=1"], "--set vehicle.params: given twice"),
         (["vehicle={params={GF_ACTION=5}}"], ["CA_FAILURE_MODE=1"], "--set vehicle: given twice"),
@@ -302,6 +301,11 @@ def test_a_key_that_is_set_twice_by_other_words_is_refused(settings, params, why
     with pytest.raises(UsageError) as error:
         prepared("gust_step", settings, params=params)
     assert why in str(error.value)
+
+
+def test_a_table_may_be_set_before_keys_of_it():
+    chosen, _ = prepared("gust_step", [WIND, STEADY])
+    assert chosen.values_in_force()["wind.steady_m_s"].value == [1.0, 0.0, 0.0]
 
 
 def test_keys_whose_names_begin_alike_are_two():

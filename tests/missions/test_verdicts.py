@@ -70,8 +70,8 @@ def test_what_is_limited_in_flight_is_told_before_it_in_the_same_words(flown):
 
 def test_a_flight_that_leaves_its_arena_as_told_says_so_and_how_to_raise_it(flown, tmp_path):
     out = FAR.replace("1000.0", "90.0")
-    settings = "flight.arena_m=30", "flight.duration_s=40", "law.f_m=0.5"
-    flight = flown(out, *settings)
+    settings = "flight.duration_s=40", "law.f_m=0.5"
+    flight = flown(out, "flight.arena_m=30", *settings)
     assert flight.ended == "diverged"
     (cause,) = flight.causes
     assert "flight.arena_m is 30 m" in cause

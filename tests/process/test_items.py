@@ -144,9 +144,9 @@ def test_what_comes_after_an_item_is_no_part_of_it(tmp_path: Path) -> None:
 
 
 def test_a_recorded_track_is_flown(tmp_path: Path) -> None:
-    t = np.arange(0.0, 12.01, 0.1)
+    t = np.arange(0.0, 14.01, 0.1)
     p = (
-        2.0 * np.pi * (t / 12.0 - np.sin(2.0 * np.pi * t / 12.0) / (2.0 * np.pi))
+        2.0 * np.pi * (t / 14.0 - np.sin(2.0 * np.pi * t / 14.0) / (2.0 * np.pi))
     )  # from rest to rest
     rows = np.stack([t, 3.0 * np.cos(p) - 3.0, 3.0 * np.sin(p), 4.0 + 0.0 * t], axis=1)
     np.savetxt(
@@ -155,7 +155,7 @@ def test_a_recorded_track_is_flown(tmp_path: Path) -> None:
     follow = '{ kind = "follow", file = "track.csv", acceleration_m_s2 = 3.5'
     result = flown(tmp_path, UP, follow + ", expect = { setpoint_error_final_m = 0.2 } }")
     assert result.passed, result.expectations
-    assert result.items[1].ended_s == pytest.approx(result.items[1].began_s + 12.0 + 3.0, abs=2.0)
+    assert result.items[1].ended_s == pytest.approx(result.items[1].began_s + 14.0 + 3.0, abs=2.0)
 
 
 def test_an_item_without_an_end_in_time_is_named(tmp_path: Path) -> None:
