@@ -52,7 +52,7 @@ ALONE = {  # by what is changed
     "Exact set  the actuators' own limits along the reference trajectory; used by\n"
     "           the guard\n"
     "Ball       the largest ball of forces around hover\n"
-    "Paper (31) the paper's condition, equation (31), repaired, evaluated at the target\n\n"
+    "Paper (31) the paper's condition, equation (31), repaired, at the target\n\n"
     "Each condition is sufficient, not necessary: a flight that fails it may still be fine.\n\n"
     "Exit codes: 0 the condition holds along the mission, or the guard governs what does not fit; 1\n"
     "it fails (or a computed wind saturates something), the gains are unstable, hover has no room for the noise that is believed, or a setpoint cannot be flown as\n"
