@@ -194,10 +194,12 @@ def test_a_metric_that_is_lost_is_worse():
 # --- with flights
 
 
-def fly(out: Path, *settings: str, seed: int = 1, mission: str = "noisy_state") -> Path:
+def fly(
+    out: Path, *settings: str, seed: int = 1, mission: str = "noisy_state", for_s: float = 7.0
+) -> Path:
     gcs_tools.fly(
-        mission, settings=["flight.duration_s=7", *settings], seed=seed, in_process=True, out=out,
-        figure="never",
+        mission, settings=[f"flight.duration_s={for_s}", *settings], seed=seed, in_process=True,
+        out=out, figure="never",
     )  # fmt: skip
     return out
 
@@ -260,7 +262,7 @@ def test_what_differs_first_is_nearest_to_the_cause(baseline, tmp_path, settings
 
 @pytest.mark.computes
 def test_a_flight_that_goes_on_longer_differs_where_the_other_ends(baseline, tmp_path):
-    run = fly(tmp_path / "run", "flight.duration_s=7.5")
+    run = fly(tmp_path / "run", for_s=7.5)
     _, found = judged(run, baseline / "1", "--exact")
     ((_, parted),) = found["missions"][0]["parted"]
     assert parted["t"] == pytest.approx(7.0, abs=0.003)

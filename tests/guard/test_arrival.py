@@ -40,15 +40,15 @@ def test_a_way_of_no_length_takes_the_settling_time_of_the_reference(settings_of
     assert 0.0 < arrival.at_most_s(params, law, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0) < 30.0
 
 
-@pytest.mark.parametrize("wind", [STILL, "wind.steady_m_s=[0,0,11]", "wind.steady_m_s=[-11,0,0]"])
+@pytest.mark.parametrize("steady", [[0, 0, 0], [0, 0, 11], [-11, 0, 0]])
 @pytest.mark.parametrize("far", [0.5, 5.0, 30.0])
 @pytest.mark.parametrize("way", [(1.0, 0.0, 0.0), (0.0, 0.0, -1.0)])
 @pytest.mark.computes
-def test_flights_keep_the_arrival_time(wind, far, way):
+def test_flights_keep_the_arrival_time(steady, far, way):
     to = [far * x for x in way]
     at = f"flight.setpoints=[{{at_s=0.0,position_m={to}}}]"
     room = ("flight.duration_s=40", "flight.ground_z_m=-100", "flight.arena_m=100")
-    scene = prepared("urban_step", [STILL, wind, at, *room])[1]
+    scene = prepared("urban_step", [STILL, f"wind.steady_m_s={steady}", at, *room])[1]
     stated = arrives_s(scene)
     _, rows = law_alone.fly(scene)
     assert len(rows) == scene.ticks
