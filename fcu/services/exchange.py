@@ -35,7 +35,7 @@ class Taken(NamedTuple):
     name: str
     kind: type  # that it is read as
     service: Service
-    answers: tuple[str, ...]  # to its sender, beside STATUSTEXT. None: it is not answered
+    answers: tuple[str, ...]  # to its sender, beside STATUSTEXT. Empty: it is not answered
     meaning: str  # what docs/mavlink.md says of it
 
 

@@ -89,8 +89,9 @@ _unpack_touchdown, _pack_touchdown = unpacker(TouchdownState), packer(TouchdownS
 def stands(was, down, c_T, measured, t_us):
     """The LandedState after a look at a VehicleState, some 50 times a second.
 
-    On a slope some feet hang in the air, and rotors that hold the vehicle level push with up to half of
-    its weight. In the air so little thrust would let it fall: what has come down and stays still has landed.
+    On a slope some feet hang in the air, and rotors that hold the vehicle level push with up to LEANS of the
+    thrust in flight. An updraft that carries the rest of the weight looks alike, so that counts only once the
+    vehicle has come down, when its rotors are told to push with a quarter of it.
     down : 1 if it is armed and has come down. A wind may then drag it along the ground.
     c_T : believed thrust coefficients, N s^2, a Rotors.  t_us : simulation time, us, a float.
     """

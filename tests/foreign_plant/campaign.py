@@ -570,11 +570,12 @@ COMPUTED, ANSWERS = WINDS = ("computed winds", "winds that answer")
 
 
 def fingerprint(computed: Path | None) -> dict[str, str]:
-    """Return what a campaign is of, each in a few digits: law, guard, airframe files, simulator and winds."""
+    """Return what a campaign is of, each in a few digits: law, guard, modes and landings, airframe files, simulator, winds."""
     laws = Path(loader.__file__).parent
     of = {
         "law": [*sorted(laws.glob("*.py")), *sorted((laws / "mmrac").glob("*.py"))],
         "guard": sorted((laws.parent / "guard").glob("*.py")),
+        "vehicle": sorted((laws.parent / "vehicle").glob("*.py")),
         "airframes": [FOLDER / f"{name}.toml" for name in AIRFRAMES],
         "simulator": [Path(__file__).with_name("plant.c")],
         "winds": [computed] if computed else [],

@@ -205,6 +205,28 @@ def test_what_a_change_leaves_with_a_wrong_mass_is_bounded_at_each_moment(
     ).any()
 
 
+@pytest.mark.parametrize(
+    ("rho", "slow", "peak", "size", "misses"),
+    [
+        (0.7, 1.0 - margin.FORGOTTEN, margin.PEAK, margin.FORGOTTEN, 0.0035),  # in flight
+        (0.7, 1.0, 1.0, 0.3, 0.0418),  # in a look ahead: m_hat - m, of m
+        (7.0 / 9.0, 1.0, 1.0, 2.0 / 9.0, 0.0203),
+    ],
+)
+def test_what_is_missing_of_a_change_is_as_much_as_the_readme_tells(
+    settings_of, rho, slow, peak, size, misses
+):
+    """By how much the response of m z to a jump exceeds what is told of it, over the jump. The slowest gains."""
+    h, (lam, c_theta, c_q) = 0.0005, BEHIND[1]
+    law = settings_of(gamma=lam * lam, c_angle=c_theta, c_rate=c_q).law._replace(h=h)
+    A, B, C = behind_lags(rho, lam, c_theta, c_q)
+    step, x, left, most = expm(A * h), B[:, 1], margin.changed(NOTHING, size), 0.0
+    for _ in range(6000):
+        most = max(most, abs(C @ x) - margin.left(left))
+        x, left = step @ x, foreseen.fading(law, left, slow, peak)
+    assert most == pytest.approx(misses, abs=0.0002)
+
+
 @pytest.mark.parametrize("rho", [7.0 / 9.0, 9.0 / 7.0])
 def test_what_a_reference_that_jerks_leaves_with_a_wrong_mass_is_bounded(settings_of, rho):
     """From a second on, what the first jump leaves forgotten."""

@@ -31,6 +31,7 @@ class Tally(NamedTuple):
     room_n: float  # least
     rotors_median: float  # part of the ticks of a flight with torque or yaw given up
     rotors_90: float
+    difference: float  # greatest, over what is allowed for
     admitted: float  # part of the setpoints, mean over flights
     took: float  # greatest part of the time that is stated
     told: int  # something seems not as believed
@@ -47,6 +48,7 @@ COLUMNS = {
     "room_n": "room, N",
     "rotors_median": "rotors 50 %",
     "rotors_90": "90 %",
+    "difference": "m z",
     "admitted": "admitted",
     "took": "took",
     "told": "told",
@@ -74,6 +76,7 @@ def tally(verdicts: Sequence[Verdict]) -> Tally:
         room_n=min(v.room_n for v in verdicts),
         rotors_median=float(np.median(rotors)),
         rotors_90=float(np.quantile(rotors, 0.9)),
+        difference=max(v.difference for v in verdicts),
         admitted=float(np.mean([v.admitted for v in verdicts])),
         took=max(v.took for v in verdicts),
         told=sum(v.told for v in verdicts),

@@ -17,6 +17,7 @@ from gcs_tools.gusts import worst_wind
 from gcs_tools.gusts.limits import outputs, torque_room
 from gcs_tools.studies.attack.draws import Attack
 from gcs_tools.studies.attack.flight import AttackFlown, Rows
+from sitl_plant.physics.types import PlantRecord
 
 LOST_M = 50.0  # from the setpoint in force when the flight ends
 LAST_S = 1.0  # so long it stays there
@@ -30,6 +31,7 @@ arrived: within 0.3 m of that setpoint for the whole last second.
 late: farther than 0.3 m from it at any time after that which the guard states when it is accepted.
 yaw: after the transient the flag of yaw torque is up; counted, and contradicts nothing.
 told: a sign against a belief is up at any time (guard.contradicted); counted as well.
+m z: the control difference over what (30) and noise allow for it, at most; contradicts nothing by itself.
 A flight contradicts the guard if it is saturated, lost or late, or has not arrived.
 """
 
@@ -59,6 +61,7 @@ class Verdict(NamedTuple):
     margin_n: float  # least after the transient
     room_n: float  # least after the transient
     rotors: float  # part of the ticks after the transient with torque or yaw given up
+    difference: float  # the control difference m z, over what the guard allows for it, at most
     admitted: float  # part of the setpoints
     end_m: float  # from the setpoint in force, at the end
     first_s: float | None  # when it first saturates
@@ -134,6 +137,24 @@ def limits(scene: Scenario, rows: Rows) -> VerdictLimits:
     )
 
 
+def difference(scene: Scenario, flown: AttackFlown) -> Rows:
+    """float64[n]: |m z| over what the guard allows for it, (30) and noise.
+
+    m z is the force that the law demands, less the one that it would demand with the true mass and drag:
+    T_0 - m (f_c + s_v_hat) + f_D.  s_v_hat is that of the tick before, with which the demand was made.
+    """
+    rows, (law, guard) = flown.fcu, scene.settings
+    s_v_hat = column(Tick, rows, "state.estimates.s_v_hat")
+    f_c = column(Tick, rows, "internals.demand.f_c") + np.concatenate([s_v_hat[:1], s_v_hat[:-1]])
+    m, f_D = (column(PlantRecord, flown.plant, name) for name in ("m", "f_D_E"))
+    m_z = column(Tick, rows, "internals.demand.T_0") - m[:, None] * f_c + f_D
+    known = margin.known(guard, law)
+    speed = np.linalg.norm(column(Tick, rows, "measured.v_E"), axis=1)
+    left = sum(column(Tick, rows, f"guard_state.{name}") for name in margin.Doubted._fields)
+    allowed = left + known.z_0 + known.z_1 * speed + known.noise
+    return np.asarray(np.linalg.norm(m_z, axis=1) / allowed)
+
+
 def away(rows: Rows) -> Rows:
     """float64[n]: from the setpoint in force, carried along its velocity, m."""
     off = column(Tick, rows, "measured.r_E") - column(Tick, rows, "setpoint.r_c")
@@ -206,6 +227,7 @@ def verdict(attack: Attack, flown: AttackFlown, from_s: float | None = None) -> 
         margin_n=least(met.margin),
         room_n=least(met.room),
         rotors=float((met.torque | met.yaw).mean()) if len(met.yaw) else 1.0,
+        difference=float(difference(scene, flown)[begun:].max(initial=0.0)),
         admitted=float(flown.admitted.mean()),
         end_m=end_m,
         first_s=float((begun + saturated[0]) / scene.rate_hz) if len(saturated) else None,
