@@ -72,7 +72,7 @@ def main() -> int:
     """Compute them, a line of JSON each is added to a file."""
     from gcs_tools.studies.attack.computed import MANOEUVRES, spine
     from gcs_tools.studies.attack.draws import How
-    from tests.foreign_plant.campaign import AIRFRAMES
+    from tests.foreign_plant.flights import AIRFRAMES
 
     words = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     words.add_argument("--airframe", choices=AIRFRAMES, action="append")

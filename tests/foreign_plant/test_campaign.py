@@ -15,19 +15,19 @@ import pytest
 
 from gcs_tools.gusts.ends import End
 from gcs_tools.gusts.worst_wind import Worst
-from tests.foreign_plant import campaign, computed_winds
+from tests.foreign_plant import campaign, computed_winds, flights, flights_file
 from tests.foreign_plant.fly import anew, compile_plant
 
-BELIEFS = dict.fromkeys(campaign.AIRFRAMES, (8.0, 12.0))
+BELIEFS = dict.fromkeys(flights.AIRFRAMES, (8.0, 12.0))
 
 
 def test_a_hundred_seeds_have_every_airframe_in_every_mode_twice() -> None:
-    made = [campaign.drawn(seed, BELIEFS) for seed in range(37, 137)]
-    assert made == [campaign.drawn(seed, BELIEFS) for seed in range(37, 137)]
+    made = [flights.drawn(seed, BELIEFS) for seed in range(37, 137)]
+    assert made == [flights.drawn(seed, BELIEFS) for seed in range(37, 137)]
     flown = Counter((each["airframe"], each["mode"]) for each in made)
-    assert flown == dict.fromkeys(product(campaign.AIRFRAMES, campaign.MODES), 2)
+    assert flown == dict.fromkeys(product(flights.AIRFRAMES, flights.MODES), 2)
     assert max(each["wind_m_s"] for each in made) == 8.0
-    assert {each["wind"] for each in made} == set(campaign.ANSWERING)
+    assert {each["wind"] for each in made} == set(flights.ANSWERING)
 
 
 def test_every_second_flight_takes_a_computed_wind_and_the_vehicle_that_it_is_worst_for() -> None:
@@ -36,11 +36,11 @@ def test_every_second_flight_takes_a_computed_wind_and_the_vehicle_that_it_is_wo
         computed_winds.Computed("hexa", "govern", manoeuvre, "torque", 1.0, vehicle, [[0.0] * 4, [1.0] * 4])
         for manoeuvre in ("hover", "turn")
     ]  # fmt: skip
-    made = [campaign.drawn(seed, BELIEFS, winds) for seed in range(400)]
-    plain = [campaign.drawn(seed, BELIEFS) for seed in range(400)]
+    made = [flights.drawn(seed, BELIEFS, winds) for seed in range(400)]
+    plain = [flights.drawn(seed, BELIEFS) for seed in range(400)]
     taken = [each for each in made if each["wind"] == "series"]
     assert Counter((each["airframe"], each["mode"]) for each in taken) == {
-        ("hexa", mode): 4 for mode in campaign.MODES
+        ("hexa", mode): 4 for mode in flights.MODES
     }
     assert {each["of"][0] for each in taken if each["mode"] == "hold"} == {"hover"}
     assert {each["of"][0] for each in taken if each["mode"] == "orbit"} == {"turn"}
@@ -63,10 +63,10 @@ def row(seed: int, policy: str = "warn", **changed: object) -> str:
 
 def test_a_flight_that_is_there_is_not_flown_again_and_one_cut_short_is(tmp_path: Path) -> None:
     path = tmp_path / "foreign.jsonl"
-    with campaign.opened(path, MADE_OF) as (found, _):
+    with flights_file.opened(path, MADE_OF) as (found, _):
         assert found == []
     path.write_text(row(1) + '{"seed": 2, "pol')
-    with campaign.opened(path, MADE_OF) as (found, out):
+    with flights_file.opened(path, MADE_OF) as (found, out):
         assert [each["seed"] for each in found] == [1]
         out.write(row(2))
     assert path.read_text() == row(1) + row(2)
@@ -89,7 +89,7 @@ def test_a_file_of_something_else_is_refused_and_left_as_it_is(
 ) -> None:
     path = tmp_path / "foreign.jsonl"
     path.write_text(text)
-    with pytest.raises(campaign.CampaignError, match=said), campaign.opened(path, MADE_OF):
+    with pytest.raises(flights_file.CampaignError, match=said), flights_file.opened(path, MADE_OF):
         pass
     assert path.read_text() == text
 
@@ -97,16 +97,16 @@ def test_a_file_of_something_else_is_refused_and_left_as_it_is(
 def test_one_campaign_at_a_time_adds_to_a_file(tmp_path: Path) -> None:
     path = tmp_path / "foreign.jsonl"
     with (
-        campaign.opened(path, MADE_OF),
-        pytest.raises(campaign.CampaignError, match="another process"),
-        campaign.opened(path, MADE_OF),
+        flights_file.opened(path, MADE_OF),
+        pytest.raises(flights_file.CampaignError, match="another process"),
+        flights_file.opened(path, MADE_OF),
     ):
         pass
 
 
 def test_flights_that_were_asked_for_count_once() -> None:
     found = [json.loads(row(seed, lost=lost)) for seed, lost in ((1, ""), (1, "away"), (7, ""))]
-    assert campaign.counted(found, [("warn", 1), ("warn", 2)]) == found[:1]
+    assert flights_file.counted(found, [("warn", 1), ("warn", 2)]) == found[:1]
 
 
 @pytest.mark.parametrize(
@@ -136,7 +136,7 @@ def test_files_that_are_none_are_wrong_use_in_one_line(
 def test_a_process_that_died_is_told_and_what_was_flown_stays(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    def flying(*_: object) -> Iterator[campaign.Found]:
+    def flying(*_: object) -> Iterator[flights.Found]:
         yield json.loads(row(1))
         raise BrokenProcessPool
 
@@ -146,17 +146,17 @@ def test_a_process_that_died_is_told_and_what_was_flown_stays(
     out = tmp_path / "foreign.jsonl"
     assert campaign.main(["--out", str(out), "--flights", "2"]) == 3
     assert len(capsys.readouterr().err.splitlines()) == 1
-    made_of = campaign.fingerprint(None)
-    with campaign.opened(out, made_of) as (found, _):
+    made_of = flights_file.fingerprint(None)
+    with flights_file.opened(out, made_of) as (found, _):
         assert [each["seed"] for each in found] == [1] and found[0]["fingerprint"] == made_of
 
 
 def test_the_time_of_a_step_is_announced_where_somebody_governs() -> None:
     made, here = {"airframe": "s1000"}, (0.0, 0.0, -8.0)
-    said = campaign.announced_s(made, "govern", here, (3.0, 4.0, -8.0))
-    farther = campaign.announced_s(made, "govern", here, (6.0, 8.0, -8.0))
+    said = flights.announced_s(made, "govern", here, (3.0, 4.0, -8.0))
+    farther = flights.announced_s(made, "govern", here, (6.0, 8.0, -8.0))
     assert said is not None and farther is not None and 1.0 < said < farther
-    assert campaign.announced_s(made, "warn", here, (3.0, 4.0, -8.0)) is None
+    assert flights.announced_s(made, "warn", here, (3.0, 4.0, -8.0)) is None
 
 
 def test_a_computed_wind_is_told_in_the_axes_of_the_link() -> None:
@@ -170,25 +170,25 @@ def test_a_computed_wind_is_told_in_the_axes_of_the_link() -> None:
 
 
 def test_what_is_believed_is_asked_of_the_command_line() -> None:
-    assert campaign.believed("s1000") == (12.0, 20.0)
+    assert flights.believed("s1000") == (12.0, 20.0)
 
 
 @pytest.mark.slow
 def test_a_flight_by_a_copy_is_to_the_bit_one_by_a_process_of_its_own(tmp_path: Path) -> None:
     program = compile_plant(tmp_path)
-    made = campaign.drawn(35, BELIEFS) | {"drag": 0.15, "mass_kg": 8.0}
+    made = flights.drawn(35, BELIEFS) | {"drag": 0.15, "mass_kg": 8.0}
     assert (made["airframe"], made["mode"]) == ("s1000", "hold")
     made |= {"wind": "against-thrust", "wind_m_s": 12.0, "wind_rate_m_s2": 20.0}
     made |= {"vertical": False, "slope_deg": 0.0}
     [found] = campaign.fly_all([("govern", made)], program, 1)
     assert campaign.kept(found), found
     assert 0.0 < found["touchdown_m_s"] < 2.0
-    again = campaign.fly(program, "govern", made, anew)
+    again = flights.fly(program, "govern", made, anew)
     told = "told", "texts"  # by the wall clock
     assert {k: v for k, v in again.items() if k not in told} == {
         k: v for k, v in found.items() if k not in told
     }
-    beyond = campaign.fly(program, "warn", made | {"wind_m_s": 40.0, "wind_rate_m_s2": 400.0})
+    beyond = flights.fly(program, "warn", made | {"wind_m_s": 40.0, "wind_rate_m_s2": 400.0})
     assert not campaign.kept(beyond)
 
 
