@@ -36,7 +36,7 @@ ROTORS = ("outputs.saturation.torque", "outputs.saturation.yaw")
 KEPT = Keep(
     plant=(), law=(*SATURATED, *ROTORS, "guard.margin.condition", "measured.r_E", "setpoint.r_c")
 )
-SECOND_S, END_S = 30.0, 65.0  # when the second setpoint comes, and the flight ends
+SECOND_S, END_S = 45.0, 95.0  # when the second setpoint comes, and the flight ends
 LAST_S, NEAR = 1.0, 0.3  # s, m: arrived
 COARSE_S = 0.005  # step of the look ahead
 
