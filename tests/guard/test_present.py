@@ -12,7 +12,7 @@ from fcu.guard import admission, foreseen, margin, present, wrench
 from fcu.guard.present import Beginning
 from fcu.guard.types import GuardState
 from fcu.interface.messages import Setpoint
-from fcu.kernel.algebra import Vec3
+from fcu.kernel.algebra import Vec3, norm
 from fcu.kernel.buffers import to_buffer
 from fcu.laws.mmrac import law as mmrac
 
@@ -142,6 +142,38 @@ def soon(settings, now):
     return present.condition(
         guard, law, margin.known(guard, law), now, since, STILL, 0.0, 1.0, adds
     )
+
+
+def test_a_change_that_is_not_flown_is_made_with_any_estimate_of_the_mass(settings_of):
+    """A jump of 2 m/s^2: at once with all of it, a second later with almost nothing."""
+    guard, law = settings_of(guard="refuse")[::-1]
+    law, known = law._replace(h=0.01), margin.known(guard, law)
+    since = present.gone_on(law, present.begun(law, hover(guard, law), STILL, STILL), Vec3(2.0, 0.0, 0.0))  # fmt: skip
+    assert margin.left(since.changed) == pytest.approx((2.0, 0.0, 0.0))
+    per_kg, fixed = Vec3(2.0, 0.0, law.g), Vec3(3.0, 0.0, 0.0)
+    worst = min(
+        float(margin.distance(known, m * per_kg + fixed + (m_hat - m) * since.a_d))
+        for m in (known.m_min, known.m_max)
+        for m_hat in (law.bounds.m_min, law.bounds.m_max)
+    )
+    assert present.least(known, law.bounds, since, 1.0, per_kg, fixed, 0.0) == pytest.approx(worst)
+    for _ in range(100):
+        since = present.gone_on(law, since, since.a_d - foreseen.closing(law, since.e, since.e_dot))
+    assert norm(margin.left(since.changed)) < 0.02
+
+
+def test_what_is_left_of_changes_before_counts_now_and_fades(settings_of):
+    settings = of_force(settings_of(guard_wind_rate_m_s2=1.0, guard_mass_kg=[7.9, 8.1]))
+    law, told = settings.law, (settings.guard, settings.law)
+    calm = soon(settings, hover(*told))
+    for part in ("unturned", "unflown", "beta"):
+        assert soon(settings, hover(*told, **{part: 3.0})) < calm - 3.0
+    since = present.begun(law._replace(h=0.01), hover(*told, unturned=3.0), STILL, STILL)
+    left = []
+    for _ in range(100):
+        since = present.gone_on(law._replace(h=0.01), since, STILL)
+        left.append(margin.left(since.left))
+    assert left[0] > 2.5 and left[-1] < 0.15
 
 
 def test_a_drag_that_pushes_already_and_an_error_that_closes_count(settings_of):
